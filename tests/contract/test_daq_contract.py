@@ -9,7 +9,7 @@ import pytest
 
 from hil.bench.find import benches
 from hil.bench.read import read_bench
-from hil.daq.contract import Block, Daq, Waveform, joined
+from hil.daq.contract import Daq, Waveform, joined
 from hil.errors import RangeError
 from tests.driven import played
 
@@ -73,7 +73,7 @@ def test_time_goes_on_from_task_to_task_at_the_actual_rate(daq):
 
 
 def test_finite_and_continuous_acquisition_say_the_same(file):
-    def run(finite: bool) -> Block:
+    def run(finite):
         daq = file.open()
         waveform = sweep(daq)
         return joined(list(daq.play(waveform) if finite else daq.stream(waveform.slices(70))))

@@ -115,7 +115,7 @@ def plain(name: str) -> tuple[Array, Array]:
 
 @for_every_effect
 def test_at_null_it_does_nothing(effect):
-    def holds(definition: Plant, site: Site) -> bool:
+    def holds(definition, site):
         null = run(definition, ActiveEffect(*site.key, effect.null_at(site.hook)))
         return np.allclose(null, plain(definition.name)[0], rtol=0.0, atol=1e-12 * definition.output.full_scale)
 
@@ -124,7 +124,7 @@ def test_at_null_it_does_nothing(effect):
 
 @for_every_effect
 def test_at_its_typical_size_it_shows(effect):
-    def holds(definition: Plant, site: Site) -> bool:
+    def holds(definition, site):
         without, trace = plain(definition.name)
         arrives = trace[[hook.name for hook in definition.hooks].index(site.hook.name)]
         change = np.abs(run(definition, at_typical(site)) - without).max()
@@ -137,7 +137,7 @@ def test_at_its_typical_size_it_shows(effect):
 
 @for_every_effect
 def test_the_same_twice_and_in_blocks(effect):
-    def holds(definition: Plant, site: Site) -> bool:
+    def holds(definition, site):
         inputs, active = course(definition), at_typical(site)
         whole = run(definition, active)
         twin = Twin(definition, definition.typical, interval_s(definition), (active,))
@@ -149,7 +149,7 @@ def test_the_same_twice_and_in_blocks(effect):
 
 @for_every_effect
 def test_at_rest_nothing_moves(effect):
-    def holds(definition: Plant, site: Site) -> bool:
+    def holds(definition, site):
         still = np.repeat(course(definition)[:, 400:401], 1500, axis=1)
         moved = np.ptp(run(definition, at_typical(site), inputs=still), axis=1).max()
         return bool(moved < 1e-9 * definition.output.full_scale)

@@ -1,7 +1,5 @@
 """Every driver opens a device with its outputs alone, as the watchdog process does, and makes it safe."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -35,7 +33,7 @@ def test_outputs_alone_are_made_safe(driver, tmp_path):
             pass
         near = 0.01 * (channel.high - channel.low)
 
-        def arrives(at: float) -> None:
+        def arrives(at):
             """Sooner or later: on CAN nobody says when a command was obeyed."""
             until(lambda: abs(field.levels[channel.name] - at) <= near)
 

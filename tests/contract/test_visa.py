@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -47,11 +47,8 @@ def bench(request, tmp_path, monkeypatch):
 def served_by(bench: BenchFile, folder: Path) -> Iterator[tuple[Any, Callable[[str], float]]]:
     """The server of its scanner, and where that holds an output."""
     served = serve(bench, folder, {})
-    server = served["io"]
-    try:
+    with closing(served["io"]) as server:
         yield server, server.side.standing
-    finally:
-        server.close()
 
 
 @pytest.mark.parametrize("bench", ADDRESSES, indirect=True)
@@ -77,7 +74,7 @@ def test_an_instrument_that_does_not_even_say_that_it_has_nothing_to_say_gave_no
 
 
 def test_a_port_of_which_the_library_does_not_tell_its_connection_is_closed(monkeypatch):
-    closed = list[bool]()
+    closed = []
     resource = SimpleNamespace(visalib=SimpleNamespace(sessions={}), session=1, close=lambda: closed.append(True))
     monkeypatch.setattr(system, "visa", lambda *_: resource, raising=False)
     with pytest.raises(KeyError):
@@ -101,7 +98,7 @@ def test_what_was_driven_while_packets_were_lost_never_arrives_after_the_safe_va
             time.sleep(0.5)
         rescuer = device.pin.link(wiring)
         rescuer.drive({output.terminal: output.safe})
-        until_s, stood = time.monotonic() + 2.0, set[float]()
+        until_s, stood = time.monotonic() + 2.0, set()
         while time.monotonic() < until_s:
             stood.add(standing(output.terminal))
             time.sleep(0.01)

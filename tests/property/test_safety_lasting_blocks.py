@@ -22,7 +22,7 @@ def one_by_one(active: list[bool], time_s: np.ndarray) -> list[float]:
 @given(flags, st.lists(st.integers(1, 9), max_size=40), st.lists(st.floats(0.01, 2.0), min_size=40, max_size=40))
 def test_cut_as_you_like(active, cuts, steps):
     time_s = np.cumsum(steps)[: len(active)]
-    found: list[float] = []
+    found = []
     since, first = None, 0
     while first < len(active):
         last = first + (cuts.pop() if cuts else len(active))

@@ -1,7 +1,5 @@
 """An hour of streaming needs no more memory than a minute."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np
@@ -16,7 +14,7 @@ PIECES, PIECE_S, RATE_HZ = 1200, 3, 1000
 def test_memory_does_not_grow_with_an_hour_of_streaming(tmp_path):
     time_s = np.arange(PIECE_S * RATE_HZ) / RATE_HZ
     piece = 50.0 + 20.0 * np.sin(2.0 * np.pi * time_s)
-    heights: list[int] = []
+    heights = []
     bench = bench_file(tmp_path / "bench.toml", "brevini-hpv41", protection={"block_s": PIECE_S})
     with silent_rig(bench, tmp_path / "run") as rig:
         rig.ramp_to(50.0)

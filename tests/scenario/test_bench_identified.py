@@ -1,7 +1,5 @@
 """The loop: a simulated bench is driven, recorded, and its parameters are found again in the recording."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hil.identification.grey_box.identify import fit_plant, starting_model

@@ -180,7 +180,6 @@ def test_results_are_found_compared_and_followed(page):
     word = page.locator(".verdict .word")
     expect(word).to_have_text("Pass")
     box = word.bounding_box()
-    assert box is not None
     assert box["height"] > 60.0
     expect(page.frame_locator("iframe").locator("h1")).to_contain_text("Step response")
     page.keyboard.press("n")  # the same test, next unit

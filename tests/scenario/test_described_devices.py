@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -43,11 +43,8 @@ def opened(name: str, address: str, *terminals: str, **more: Any) -> Iterator[An
     told = read_description(descriptions()[name])
     driver = DRIVERS[told.protocol]
     settings = driver.Settings.model_validate({"model": name, "address": address, "timeout_s": 1.0, **more})
-    link = driver.open_link(settings, wired(told.ports, *terminals))
-    try:
+    with closing(driver.open_link(settings, wired(told.ports, *terminals))) as link:
         yield link
-    finally:
-        link.close()
 
 
 def test_ten_devices_and_three_of_each_kind_of_bus():
@@ -86,7 +83,7 @@ def test_modbus_modules_against_registers_on_a_socket(half_a_second_later):
     wago = Tables(holding={0: 0, 0x0200: 0}, inputs={0: 0x4000, 1: 0xC000})
     wago_answer = wago.answered
 
-    def image(request: bytes) -> bytes:
+    def image(request):
         """What is written at 0 is read back at 0x0200."""
         answer = wago_answer(request)
         wago.holding[0x0200] = wago.holding[0]
@@ -135,7 +132,7 @@ def answering(answers: Callable[[str], str], end: str, answer_end: str) -> Forei
 def test_text_instruments_against_strings_on_a_socket():
     supply = {"volts": "0.000"}
 
-    def ql355(line: str) -> str:
+    def ql355(line):
         if line.startswith("V1 "):
             supply["volts"] = line[3:]
         return {"*IDN?": "THURLBY THANDAR, QL355, 279730, 1.04", "V1?": f"V1 {supply['volts']}", "V1O?": "11.997V",
@@ -153,7 +150,7 @@ def test_text_instruments_against_strings_on_a_socket():
 
     point = {"at": "+000.00"}
 
-    def alicat(line: str) -> str:
+    def alicat(line):
         if line.startswith("AS"):
             point["at"] = f"{float(line[2:]):+07.2f}"
         return f"A +013.87 +023.60 +021.30 +020.05 {point['at']} Air" if line[:1] == "A" else ""
@@ -170,7 +167,7 @@ def test_text_instruments_against_strings_on_a_socket():
 
     volts = {"204": "+0.00000000E+00"}
 
-    def agilent(line: str) -> str:
+    def agilent(line):
         units = [unit.strip(":") for unit in line.split(";")]
         for unit in units:
             if unit.startswith("SOUR:VOLT "):
@@ -194,7 +191,7 @@ def test_text_instruments_against_strings_on_a_socket():
 def test_ascii_modules_against_strings_on_a_socket():
     last = {"0": "+00.000"}
 
-    def module(line: str) -> str:
+    def module(line):
         if line.startswith("#01C0"):
             last["0"] = line[5:]
             return "!01"

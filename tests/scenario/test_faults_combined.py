@@ -1,7 +1,5 @@
 """A dead link and a second misfortune, on real links: nothing that is said of an output is otherwise at the device."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.faults_combined import LINKS, SECOND, measure

@@ -180,9 +180,9 @@ def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path):
 
 
 def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(tmp_path, monkeypatch):
-    close, tried = RunWriter.close, list[float]()
+    close, tried = RunWriter.close, []
 
-    def close_on_a_slow_disk(self: RunWriter, *words: Any, **more: Any) -> None:
+    def close_on_a_slow_disk(self, *words, **more):
         tried.append(until((tmp_path / "run" / "watchdog-so-far.json").exists))
         close(self, *words, **more)
 

@@ -1,7 +1,5 @@
 """Every fault at every moment on the simulated DAQ: outputs safe in time, records kept, one line says why."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests import faults_on_links

@@ -1,7 +1,5 @@
 """Sine, velocity steps and drift of the SP08-47C's cylinder on the simulated benches, in virtual time."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tests under adjusted conditions over links: the figures are those of the same bench without one."""
 
-from __future__ import annotations
-
 import math
 import re
 import signal
@@ -46,7 +44,7 @@ def test_killed_between_pump_and_valve_every_output_is_safe(tmp_path):
             ) as program,
         ):
 
-            def outputs() -> tuple[int, ...]:
+            def outputs():
                 """Codes of command, supply, load and tank, as another master reads them back."""
                 assert program.poll() is None or has_stood, "it ended before it drove the command"
                 link.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 3, 512, 4))

@@ -1,7 +1,5 @@
 """What the procedures find on the simulated HPV41 is what its physics says, within the stated uncertainty."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

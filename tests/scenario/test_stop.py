@@ -90,7 +90,7 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path):
     assert process.returncode == 138
     assert "hil: stopped: stop was pressed; outputs are safe (read back)" in err
     end = read_end(tmp_path / "run")
-    assert end is not None and end.outcome == "Halted: stop was pressed; outputs are safe (read back)"
+    assert end.outcome == "Halted: stop was pressed; outputs are safe (read back)"
     assert end.meta["stopped_by"] == "olga ü"
     events, _ = read_events(tmp_path / "run")
     assert [event["details"] for event in events if event["event"] == "stop"] == [{"by": "olga ü"}]
@@ -143,9 +143,9 @@ def drive_for_ever(file: BenchFile, run: Path) -> None:
 
 
 def test_stop_of_a_simulated_run_is_heard_by_the_run_itself(tmp_path):
-    answers: list[dict[str, Any]] = []
+    answers = []
 
-    def press() -> None:
+    def press():
         control = written(tmp_path / "run" / "control.json")
         assert (control["listener"], control["pid"]) == ("run", os.getpid())
         time.sleep(0.1)

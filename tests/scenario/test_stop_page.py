@@ -5,19 +5,16 @@ from __future__ import annotations
 import json
 import os
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
 
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
 from hil.bench.stop.consoles import Console, announced
 from hil.bench.stop.listener import Listener
-from hil.bench.stop.stop_service import StopService
-from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
 from tests.chromium import chromium
 from tests.stops import SAFE, listening, tell_safe
@@ -32,6 +29,7 @@ CSP = "default-src 'none'; script-src 'self'; style-src 'self'; frame-src 'self'
 COUNT_BEEPS = """window.beeps = 0; const start = OscillatorNode.prototype.start;
 OscillatorNode.prototype.start = function (...at) { window.beeps += 1; return start.apply(this, at); };"""
 
+# One question alone, however long a busy machine takes for its answer.
 PATIENT = "AbortSignal.timeout = () => new AbortController().signal;"
 
 
@@ -96,12 +94,19 @@ def shown(page: Page) -> str:
     return page.locator("#stop").inner_text()
 
 
-def waited(page: Page, text: str, within_s: float) -> float:
-    """How long it took until a text was shown."""
-    begun_s = time.monotonic()
+def waited(page: Page, text: str) -> None:
+    """Return when a text is shown."""
     page.wait_for_function("text => document.getElementById('stop')?.innerText.includes(text)", arg=text, polling=10,
-                           timeout=1000.0 * within_s)  # fmt: skip
-    return time.monotonic() - begun_s
+                           timeout=1000.0 * PATIENCE_S)  # fmt: skip
+
+
+@contextmanager
+def opened(browser: Browser, *runs: dict[str, Any], script: str = "") -> Iterator[Page]:
+    """A page that shows these runs, with a script of its own before all others."""
+    with web_server(runs) as server, browser.new_page() as page:
+        page.add_init_script(script)
+        page.goto(f"http://127.0.0.1:{server.server_port}/")
+        yield page
 
 
 def test_page_stops_what_it_shows(subtests):
@@ -110,13 +115,11 @@ def test_page_stops_what_it_shows(subtests):
 
         with subtests.test("F12 in a field: confirmed, with the time it took"):
             one, wishes = stack.enter_context(listening(tell_safe))
-            with web_server([run_at(one)]) as server, browser.new_page() as page:
-                page.add_init_script(PATIENT)  # one question alone, however long a busy machine takes for its answer
-                page.goto(f"http://127.0.0.1:{server.server_port}/")
+            with opened(browser, run_at(one), script=PATIENT) as page:
                 assert "ends hpv41-7" in shown(page) and wishes == []
                 page.focus("#field")
                 page.keyboard.press("F12")
-                waited(page, "hpv41-7: stop confirmed, outputs read back safe after ", PATIENCE_S)
+                waited(page, "hpv41-7: stop confirmed, outputs read back safe after ")
                 assert "valve 0 V" in shown(page) and "UNCONFIRMED" not in shown(page) and wishes == ["stop"]
 
         with subtests.test("F12 while the page is still being read"):
@@ -129,7 +132,7 @@ def test_page_stops_what_it_shows(subtests):
                 # A browser gives keys to a page from its first paint on; this one comes with it.
                 page.evaluate("window.dispatchEvent(new KeyboardEvent('keydown', {key: 'F12'}))")
                 body_may_come.set()
-                waited(page, "hpv41-7: stop confirmed", PATIENCE_S)
+                waited(page, "hpv41-7: stop confirmed")
                 assert wishes == ["stop"]
 
         with subtests.test("the web server is dead"):
@@ -140,7 +143,7 @@ def test_page_stops_what_it_shows(subtests):
                     origin = f"http://127.0.0.1:{server.server_port}"
                 stack.enter_context(announced(Console(pid=os.getpid(), origins=(origin,), host="127.0.0.1")))
                 page.click("#stop button.press")
-                waited(page, "stop confirmed", PATIENCE_S)
+                waited(page, "stop confirmed")
             assert wishes == ["stop"]
 
         with subtests.test("nobody confirms: said so within a second, with sound, for each run"):
@@ -148,40 +151,32 @@ def test_page_stops_what_it_shows(subtests):
             url = "http://127.0.0.1:1/stop"
             dead = {"run": "gone", "state": "lost", "stop_url": url, "stop_urls": [url], "token": "x"}
             deaf = {"run": "by hand", "state": "running"}
-            with web_server([run_at(three), dead, deaf]) as server, browser.new_page() as page:
-                page.add_init_script(COUNT_BEEPS)
-                page.goto(f"http://127.0.0.1:{server.server_port}/")
+            with opened(browser, run_at(three), dead, deaf, script=COUNT_BEEPS) as page:
                 page.keyboard.press("F12")
-                waited(page, "hpv41-7: UNCONFIRMED: use the emergency stop", PATIENCE_S)
+                waited(page, "hpv41-7: UNCONFIRMED: use the emergency stop")
                 for name in ("gone", "by hand"):
                     assert f"{name}: UNCONFIRMED: use the emergency stop" in shown(page)
                 assert page.evaluate("window.beeps") > 0
-                three.service.tell(tell_safe_outputs(), "watchdog")
-                waited(page, "hpv41-7: stop confirmed", PATIENCE_S)  # it asks again
+                three.service.tell(SAFE, "watchdog")
+                waited(page, "hpv41-7: stop confirmed")  # it asks again
                 page.click("#stop button.mute")
                 assert page.locator("#stop button.mute").is_hidden()
 
-        with (
-            subtests.test("it shows when the key does not reach it"),
-            web_server([]) as server,
-            browser.new_page() as page,
-        ):
-            page.goto(f"http://127.0.0.1:{server.server_port}/")
-            waited(page, "F12 stops too", PATIENCE_S)
+        with subtests.test("it shows when the key does not reach it"), opened(browser) as page:
+            waited(page, "F12 stops too")
             assert "no run is under way here" in shown(page)
             page.frame_locator("#frame").locator("p").click()
             page.evaluate("document.getElementById('frame').focus()")
-            waited(page, "F12 does not reach this page", PATIENCE_S)
+            waited(page, "F12 does not reach this page")
             page.click("#stop .keys")
-            waited(page, "F12 stops too", PATIENCE_S)
+            waited(page, "F12 stops too")
 
         with subtests.test("runs that begin later are stopped too; a run that has ended is not asked"):
             four, wishes = stack.enter_context(listening(tell_safe))
-            with web_server([]) as server, browser.new_page() as page:
-                page.goto(f"http://127.0.0.1:{server.server_port}/")
+            with opened(browser) as page:
                 told(page, run_at(four), {**run_at(four, "old"), "state": "ended", "outcome": "completed"})
                 page.keyboard.press("F12")
-                waited(page, "hpv41-7: stop confirmed", PATIENCE_S)
+                waited(page, "hpv41-7: stop confirmed")
                 assert "old" not in shown(page)
 
                 told(page, {**run_at(four), "state": "ended", "outcome": "Halted", "is_safe": True})
@@ -190,34 +185,26 @@ def test_page_stops_what_it_shows(subtests):
                 assert "confirmed" not in shown(page), "the word of a run goes with it"
                 assert "ends hpv41-8" in shown(page)
 
-        with (
-            subtests.test("a server that does not answer: what is under way is not known"),
-            web_server([]) as server,
-            browser.new_page() as page,
-        ):
-            page.goto(f"http://127.0.0.1:{server.server_port}/")
+        with subtests.test("a server that does not answer: what is under way is not known"), opened(browser) as page:
             page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
-            waited(page, "Not known whether a run is under way: use the emergency stop.", PATIENCE_S)
+            waited(page, "Not known whether a run is under way: use the emergency stop.")
             assert "no run is under way here" not in shown(page)
             page.route("**/stop", lambda route: route.abort())
             page.keyboard.press("F12")
-            waited(page, "UNCONFIRMED: use the emergency stop (the console does not answer)", PATIENCE_S)
+            waited(page, "UNCONFIRMED: use the emergency stop (the console does not answer)")
 
         with subtests.test("what this page does not reach says so before it is pressed"):
             there = {"run": "there", "state": "running", "stop_url": "http://127.0.0.1:1/stop", "token": "x",
                      "stop_urls": ["https://192.0.2.1:1/stop"]}  # fmt: skip
-            with web_server([there]) as server, browser.new_page() as page:
-                page.goto(f"http://127.0.0.1:{server.server_port}/")
-                waited(page, "there: is stopped through the console, while that answers", PATIENCE_S)
+            with opened(browser, there) as page:
+                waited(page, "there: is stopped through the console, while that answers")
                 page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
-                waited(page, "there: cannot be stopped from here", PATIENCE_S)
+                waited(page, "there: cannot be stopped from here")
 
         with (
             subtests.test("pressed where nothing is under way: it says that no run can start, and how it is released"),
-            web_server([]) as server,
-            browser.new_page() as page,
+            opened(browser) as page,
         ):
-            page.goto(f"http://127.0.0.1:{server.server_port}/")
             press = {"at_utc": "2026-11-26T12:00:00Z", "account": "otto", "runs": []}
             told(page, pressed=press)
             assert "otto): no run can start." in shown(page) and "no run is under way" not in shown(page)
@@ -228,16 +215,10 @@ def test_page_stops_what_it_shows(subtests):
             assert "no run is under way here" in shown(page)
 
 
-def tell_safe_outputs() -> Any:
-    from tests.stops import SAFE
-
-    return SAFE
-
-
 def test_page_says_safe_while_only_time_is_missing():
     waits = {"valve": Output(State.UNCONFIRMED, "V", 0.0, confirmed_in_s=1.5)}
 
-    def confirm_in_time(desk: StopService, _wish: Asked) -> None:
+    def confirm_in_time(desk, _wish):
         desk.tell(waits if len(asked) == 1 else SAFE, "watchdog")
 
     with ExitStack() as stack:
@@ -249,7 +230,7 @@ def test_page_says_safe_while_only_time_is_missing():
             page.goto(f"http://127.0.0.1:{server.server_port}/")
             page.clock.pause_at(60_000)  # the page's second without an answer does not pass on a busy machine either
             page.click("#stop button.press")
-            waited(page, "hpv41-7: safe, read back; confirmed in 1.50 s", PATIENCE_S)
+            waited(page, "hpv41-7: safe, read back; confirmed in 1.50 s")
             page.clock.run_for(2_000)
-            waited(page, "stop confirmed", PATIENCE_S)
+            waited(page, "stop confirmed")
             assert page.evaluate("beeps") == 0

@@ -1,7 +1,5 @@
 """A hundred stops of each kind, and how long each took until an observer read the safe value at the device."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

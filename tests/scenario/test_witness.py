@@ -1,7 +1,5 @@
 """A valve that sticks open behind a real link: its register is safe, and the last word is not."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

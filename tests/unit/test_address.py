@@ -97,7 +97,7 @@ def test_a_name_that_belongs_to_another_port_is_refused(ports, tmp_path):
 
 
 def test_usb_adapters_are_known_by_number_or_place(ports, monkeypatch):
-    def adapter(device: str, number: str | None, place: str) -> SimpleNamespace:
+    def adapter(device, number, place):
         return SimpleNamespace(device=device, vid=0x0403, pid=0x6001, serial_number=number, location=place)
 
     plugged = [adapter(ports[0], "A50285BI", "1-1.4"), adapter(ports[1], None, "1-1.2")]

@@ -54,7 +54,7 @@ def test_what_stopped_a_run_is_on_the_trail_and_who_only_where_it_is_known(stopp
     monkeypatch.setattr("getpass.getuser", lambda: "labuser")
     stopped.add_note("outputs are safe (read back)")
 
-    def drive() -> None:
+    def drive():
         with on_the_trail(bench(SIMULATED), Path("run"), {"operator": "Eva"}) as begins:
             begins()
             raise stopped

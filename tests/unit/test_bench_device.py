@@ -80,10 +80,10 @@ def test_a_device_that_fails_at_its_first_reading_is_named_once():
     """Its driver may call it by its model; the bench's name is the only one in front of the error."""
     broken = Breaks()
 
-    def of_its_own(settings: Any, wiring: Any) -> Any:
+    def of_its_own(settings, wiring):
         return PolledDaq({"wago-750": broken}, {"wago-750": wiring})
 
-    module: Any = SimpleNamespace(open_daq=of_its_own, open_link=lambda _settings, _wiring: broken)
+    module = SimpleNamespace(open_daq=of_its_own, open_link=lambda _settings, _wiring: broken)
     with pytest.raises(LinkError) as told:
         DeviceInUse("io", module, NoSettings(), {}).open({})
     assert str(told.value) == "io: no answer within 0.2 s" and broken.closed == 1

@@ -1,7 +1,5 @@
 """The reference of the bench file says everything that a bench file may say, and its example works."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

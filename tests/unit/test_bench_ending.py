@@ -120,10 +120,10 @@ def test_signal_ends_the_run_wherever_it_comes(act, tmp_path):
 
 
 def test_record_that_cannot_be_written_ends_the_run(tmp_path, monkeypatch):
-    def full(*_: object, **__: object) -> None:
+    def full(*_, **__):
         raise StorageError("no space left")
 
-    def act(rig: Rig) -> None:
+    def act(rig):
         monkeypatch.setattr("hil.record.run_folder.samples.RowsWriter.append", full)
         hold(rig)
 
@@ -132,10 +132,10 @@ def test_record_that_cannot_be_written_ends_the_run(tmp_path, monkeypatch):
 
 
 def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path):
-    seen: list[BaseException] = []
+    seen = []
 
-    def act(rig: Rig) -> None:
-        def drive() -> None:
+    def act(rig):
+        def drive():
             try:
                 while True:
                     hold(rig)
@@ -186,7 +186,7 @@ def test_error_of_the_procedure_itself_closes_the_record(error, tmp_path):
 
 
 def test_procedure_that_calls_sys_exit_is_named(tmp_path):
-    def run(rig: Rig) -> None:
+    def run(rig):
         hold(rig)
         sys.exit(0)
 
@@ -301,7 +301,7 @@ Endings = dict[str, tuple[int, str, Path]]
 def endings(tmp_path_factory):
     """How a program ended with each procedure, what it said and its folder: forks of one that has imported all."""
 
-    def ended_each() -> Endings:
+    def ended_each():
         folder = tmp_path_factory.mktemp("stubborn")
         done = subprocess.run(
             [sys.executable, "-P", "-c", COMMAND, str(folder), *STUBBORN], stdout=subprocess.PIPE, text=True,

@@ -1,7 +1,5 @@
 """Lines of keys in a TOML text."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.bench.lines import line_at, lines_of

@@ -177,13 +177,13 @@ def test_way_to_safe_takes_no_longer_than_is_said(bench, tmp_path):
     alone = ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0")
     with served(bench, tmp_path, quick, alone, *SELDOM) as (file, twins):
         behaviour = twins[name].behaviour
-        silent_s: list[float] = []
+        silent_s = []
 
-        def fall_silent() -> None:
+        def fall_silent():
             silent_s.append(time.monotonic())
             behaviour.quirks = behaviour.quirks.model_copy(update={"silent": True})
 
-        def drive() -> None:
+        def drive():
             with opened(file, tmp_path / "run", {"procedure": "test"}) as rig:
                 threading.Timer(0.5, fall_silent).start()
                 rig.play(np.full(2000, 40.0))
@@ -225,7 +225,7 @@ def test_address_and_dates_that_cannot_be_are_faults(change, text, tmp_path):
 
 
 def test_driver_that_throws_when_it_is_asked_is_a_fault_of_that_driver(tmp_path, monkeypatch):
-    def terminals(_settings: object) -> dict[str, object]:
+    def terminals(_settings):
         raise KeyError("x")
 
     monkeypatch.setattr("drivers.modbus.terminals", terminals)

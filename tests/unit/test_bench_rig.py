@@ -19,7 +19,6 @@ from hil.identification.preparation.experiment import declared_read_at
 from hil.physics.model import Value, save_model, typical_model
 from hil.record.folder import RunWriter
 from hil.record.read import read_recording
-from hil.record.recording import Recording
 from hil.rig import Rig
 from tests.bench_files import bench_file
 from tests.driven import silent_rig
@@ -112,7 +111,7 @@ def test_stream_brings_a_recording_for_each_array_in_one_part(tmp_path):
 
 def test_long_pieces_of_a_stream_are_judged_as_often_as_all_others(tmp_path):
     low = {"over-pressure": {"for_s": 0.5, "minus": "command"}}
-    seen: list[Recording] = []
+    seen = []
     with pytest.raises(TrippedError, match="over-pressure"), rig_of(tmp_path, **QUICK, interlocks=low) as rig:
         seen.extend(rig.stream(np.full(3000, -50.0 * i) for i in (0, 1, 2)))
     assert [len(piece) for piece in seen] == [3000]
@@ -166,7 +165,7 @@ def test_enable_line_stays_off_while_a_door_is_open(tmp_path):
 def test_identified_transfer_function_stands_in_for_the_valve(tmp_path):
     """Its signals have the names and units of the channels that it was identified from."""
     model = typical_model("transfer-function")
-    values = {**model.parameters, "gain": Value(0.001, "[m^3/s]/[%]"), "lag_time": Value(0.1, "s")}
+    values = {"gain": Value(0.001, "[m^3/s]/[%]"), "lag_time": Value(0.1, "s")}
     path = tmp_path / "valve.json"
     save_model(replace(model, parameters=values, input="command [%]", output="flow [m^3/s]"), path)
     plain = {"instruments": {"spool position": {"value": 0.0}, "supply pressure": {"value": 100.0}}}
@@ -225,7 +224,7 @@ def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path):
 def test_rig_is_what_procedures_were_promised(tmp_path):
     promised = {name for name in vars(Rig) if not name.startswith("_")}
     with rig_of(tmp_path) as rig:
-        offered: Rig = rig
+        offered = rig
         assert promised <= {name for name in dir(offered) if not name.startswith("_")}
         assert rig.conditions["conditions"]["fluid"] == "mineral oil"
         assert rig.promises["delay_s"]["flow"] == 0.0

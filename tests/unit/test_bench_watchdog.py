@@ -101,7 +101,7 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path, monkeypatch)
     made = fail_safe_shutdown.FailSafeShutdown(
         bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), STOPS
     )
-    begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
+    begun_s, told = time.monotonic(), []
     made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
     ((after_s, left),) = told
     assert after_s < fail_safe_shutdown.GIVE_UP_S and len(left) == 1 and left[0].startswith("gone: ")
@@ -114,7 +114,7 @@ def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path, monkeypatch):
 
         heard_s = time.monotonic()
 
-        def make_safe(self) -> None:
+        def make_safe(self):
             if time.monotonic() - self.heard_s > 1.0:
                 super().make_safe()
             self.heard_s = time.monotonic()
@@ -134,7 +134,7 @@ def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(t
 
         tried_s: ClassVar[list[float]] = []
 
-        def make_safe(self) -> None:
+        def make_safe(self):
             self.tried_s.append(time.monotonic())
             if self.tried_s[-1] - self.tried_s[0] > 1.0:
                 self._error, self._answers = None, True
@@ -148,7 +148,7 @@ def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(t
 
 
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path):
-    told: list[None] = []
+    told = []
     fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), STOPS).with_patience(
         lambda: told.append(None)
     )
@@ -158,7 +158,7 @@ def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path):
 def test_what_only_time_is_missing_for_is_told_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 20.0)
     made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), STOPS)
-    told: list[tuple[str, str]] = []
+    told = []
     made.with_patience(lambda: told.append((made.announcement, str(made.outputs["a"].state))))
     ((said, state),) = told
     assert said.startswith("outputs: safe, read back; confirmed in ") and state == "unconfirmed"
@@ -169,7 +169,7 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path, monkeypatch):
     class Hanging(Valve):
         tries = 0
 
-        def make_safe(self) -> None:
+        def make_safe(self):
             self.tries += 1
             if self.tries == 1:
                 threading.Event().wait(30.0)
@@ -191,7 +191,7 @@ def test_a_slow_first_try_does_not_undo_what_the_next_one_found(tmp_path, monkey
         another = threading.Event()
         was_overtaken = False
 
-        def make_safe(self) -> None:
+        def make_safe(self):
             self.tries += 1
             if self.tries == 1:
                 self.was_overtaken = self.another.wait(0.5)
@@ -214,7 +214,7 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(tmp_path
 
         asked = 0
 
-        def close(self) -> None:
+        def close(self):
             super().close()
             self.asked += 1
             if self.asked <= 2:

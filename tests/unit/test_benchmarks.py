@@ -1,7 +1,5 @@
 """Benchmarks run seldom: that what they take from the product is still there is looked at each time."""
 
-from __future__ import annotations
-
 import ast
 from importlib import import_module
 from importlib.util import find_spec

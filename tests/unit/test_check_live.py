@@ -1,7 +1,5 @@
 """`hil check --live`: what a bench can measure, with no output opened."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -55,7 +55,7 @@ def test_workers_execute_nothing_of_the_working_folder(folder):
 
 
 def test_a_lost_process_costs_one_item_and_a_sentence():
-    told: list[str] = []
+    told = []
     killed = "__import__('os').abort()"  # by a function that imports nothing of the tests
     found = list(
         over_processes(
@@ -67,7 +67,7 @@ def test_a_lost_process_costs_one_item_and_a_sentence():
 
 
 def test_items_are_taken_as_processes_come_free():
-    taken: list[int] = []
+    taken = []
     answers = over_processes(abs, (taken.append(k) or k for k in range(50)), lambda: 1, lost=abs)
     assert next(answers) < 10  # two may be finished when it is looked
     assert len(taken) < 10
@@ -101,7 +101,7 @@ def test_a_picture_is_drawn_alike_whatever_matplotlibrc_lies_in_the_working_fold
         "print(drawn('p', 1.0, lambda figure: figure.subplots().plot([1, 2], label='a')).svg)"
     )
 
-    def picture() -> str:
+    def picture():
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return done.stdout

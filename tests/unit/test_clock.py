@@ -1,7 +1,5 @@
 """The host's clock: what it tells of a sleep, and that a step of the wall clock is none."""
 
-from __future__ import annotations
-
 import signal
 import threading
 import time
@@ -35,7 +33,7 @@ def test_a_step_of_the_wall_clock_is_no_sleep(monkeypatch):
 def test_a_look_that_takes_long_is_no_sleep(monkeypatch):
     clock, monotonic = RealClock(), system.now_s
 
-    def held_up() -> float:
+    def held_up():
         time.sleep(0.2)
         return monotonic()
 
@@ -62,7 +60,7 @@ def test_no_signal_leaves_a_flag_locked():
     """An event of the library is locked for ever after a few of these."""
     flag, came = Flag(), 0
 
-    def stop(*_: object) -> None:
+    def stop(*_):
         raise InterruptedError
 
     before = signal.signal(signal.SIGALRM, stop)

@@ -227,9 +227,9 @@ def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts
 
 
 def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts, monkeypatch):
-    waited: list[float] = []
+    waited = []
 
-    async def waits(seconds: float) -> None:
+    async def waits(seconds):
         waited.append(round(seconds))
 
     monkeypatch.setattr("hil.console.access.asyncio.sleep", waits)
@@ -253,9 +253,9 @@ def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(accounts, m
 
 
 def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(accounts, monkeypatch):
-    waited: list[float] = []
+    waited = []
 
-    async def waits(seconds: float) -> None:
+    async def waits(seconds):
         waited.append(seconds)
 
     monkeypatch.setattr("hil.console.access.asyncio.sleep", waits)
@@ -330,7 +330,7 @@ def test_too_many_acts_are_refused(accounts, monkeypatch):
 
 
 def test_page_for_logging_in_is_made_beside_the_loop(accounts, monkeypatch):
-    made: list[threading.Thread] = []
+    made = []
     monkeypatch.setattr(access, "page", lambda *_, **__: made.append(threading.current_thread()) or JSONResponse({}))
     assert Browser(console(accounts)).ask("/login")[0] == 200
     assert made and made[0] is not threading.main_thread()  # a flood of them keeps no stop waiting
@@ -449,7 +449,7 @@ def test_account_that_is_not_allowed_names_what_is(name, role, password, says):
 
 def test_password_of_an_account(accounts):
     found = accounts.verified("otto", PASSWORD)
-    assert found is not None and found.role == "operator"
+    assert found.role == "operator"
     assert accounts.verified("otto", "wrong") is accounts.verified("nobody", PASSWORD) is None
     sessions = Sessions()
     session = sessions.read(sessions.signed(sessions.begun("otto", found)))

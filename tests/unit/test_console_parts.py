@@ -95,7 +95,6 @@ def test_envelope_tells_what_was_not_measured_as_nothing():
 def test_bode_point_is_of_a_whole_sine_that_tells_its_response():
     sine = {"kind": "sine", "frequency_hz": 2.0, "amplitude": 5.0, "bias": 50.0, "response": [0.0, -0.1]}
     point = bode_point(sine)
-    assert point is not None
     assert (point["gain_db"], point["phase_deg"]) == (-20.0, -90.0)
     assert bode_point({**sine, "unfinished": True}) is None
     assert bode_point({**sine, "response": [0.0, None]}) is None
@@ -161,19 +160,16 @@ def test_follower_tells_every_sample_and_sine_once(tmp_path):
     writer = written(tmp_path / "run")
     follower = Follower(tmp_path / "run")
     first = follower.look()
-    assert first is not None
     assert first["rows"] == 1000
     assert follower.look() is None
     names = [channel["name"] for channel in follower.channels]
     writer.append(np.arange(1000, 1500) / 1000.0, {name: np.full(500, np.nan) for name in names})
     writer.mark(400, {"kind": "sine", "frequency_hz": 1.0, "amplitude": 5.0, "bias": 0.0, "response": [1.0, 0.0]})
     second = follower.look()
-    assert second is not None
     assert (second["rows"], len(second["bode"])) == (1500, 1)
     assert second["values"] == [None] * len(names)
     writer.close()
     over = follower.look()
-    assert over is not None
     assert (over["state"], over["bode"]) == ("ended", [])
     assert follower.finished
     assert len(follower.snapshot()["bode"]) == 1
@@ -241,10 +237,10 @@ def _refusing(site: Site) -> Console:
 
 
 def test_a_run_that_cannot_be_written_down_is_not_started(site, monkeypatch):
-    async def form(_request: object) -> dict[str, str]:
+    async def form(_request):
         return {"procedure": "jog", "bench": "own"}
 
-    started: list[str] = []
+    started = []
     console = _refusing(site)
     monkeypatch.setattr(Console, "of", lambda _request: console)
     monkeypatch.setattr(Console, "start", lambda _self, _arguments, name, _account: started.append(name))
@@ -256,13 +252,13 @@ def test_a_run_that_cannot_be_written_down_is_not_started(site, monkeypatch):
 
 def test_a_reset_that_cannot_be_written_down_is_not_done(site, monkeypatch):
     class Request:
-        def __init__(self) -> None:
+        def __init__(self):
             self.path_params, self.headers = {"bench": "own"}, {}
 
-        async def form(self, **_limits: int) -> FormData:
+        async def form(self, **_limits):
             return FormData({"interlock": "over-pressure"})
 
-    done: list[str] = []
+    done = []
     console = _refusing(site)
     monkeypatch.setattr(Console, "of", lambda _request: console)
     monkeypatch.setattr(board, "trips_of", lambda _file: {"over-pressure": "150 bar"})

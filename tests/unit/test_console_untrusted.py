@@ -225,16 +225,16 @@ def test_server_posts_to_this_computer_alone(address, lab):
 
 
 def test_server_posts_to_a_listener_and_no_other_path(lab):
-    paths: list[str] = []
+    paths = []
 
     class Other(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
+        def do_POST(self):
             paths.append(self.path)
             self.send_response(200)
             self.end_headers()
             self.wfile.write(b"{}")
 
-        def log_message(self, *_: object) -> None:
+        def log_message(self, *_):
             """Nothing."""
 
     with HTTPServer(("127.0.0.1", 0), Other) as server:
@@ -296,7 +296,7 @@ def test_a_stop_is_pressed_whatever_its_form_holds(lab):
 
 
 def test_at_once_waits_for_no_page():
-    async def asked() -> str:
+    async def asked():
         current_default_thread_limiter().total_tokens = 1
         made = threading.Event()
         page = asyncio.create_task(run_in_threadpool(made.wait, 600.0))
@@ -316,7 +316,7 @@ def test_hard_link_to_a_file_of_another_user_is_not_served(lab, monkeypatch):
     there, fstat = browser(lab), os.fstat
     assert "the secret" in there.ask("/results/one/report")[1]
 
-    def other_folders(handle: int) -> os.stat_result:
+    def other_folders(handle):
         found = fstat(handle)
         return os.stat_result((*found[:4], found.st_uid + 1, *found[5:])) if stat.S_ISDIR(found.st_mode) else found
 

@@ -1,7 +1,5 @@
 """Rates and ranges that every backend checks before the first sample."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

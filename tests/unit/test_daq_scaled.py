@@ -1,7 +1,5 @@
 """A backend behind calibrations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from wire import Wire

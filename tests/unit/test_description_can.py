@@ -6,9 +6,8 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 import can
 import pytest
@@ -121,16 +120,10 @@ class ByHand:
 def by_hand(folder: Path) -> Iterator[tuple[driver.CanLink, ByHand]]:
     written(folder, "amplifier.dbc", DBC)
     path = written(folder, "amplifier.toml", AMPLIFIER.replace("time_s = 0.3", "time_s = 4.0"))
-    device = ByHand(folder.name)
-    told = {"model": str(path), "address": f"virtual:{folder.name}", "timeout_s": 1.0, "longest_reply_s": 1.0}
-    try:
-        link = driver.open_link(driver.Settings.model_validate(told), WIRING)
-        try:
+    with closing(ByHand(folder.name)) as device:
+        told = {"model": str(path), "address": f"virtual:{folder.name}", "timeout_s": 1.0, "longest_reply_s": 1.0}
+        with closing(driver.open_link(driver.Settings.model_validate(told), WIRING)) as link:
             yield link, device
-        finally:
-            link.close()
-    finally:
-        device.close()
 
 
 def test_frames_are_those_of_the_dbc(tmp_path):
@@ -236,7 +229,7 @@ def test_bits_of_the_twin_are_those_of_the_library(start, length, big, signed, d
     from cantools.database.conversion import BaseConversion
     from cantools.database.errors import Error
 
-    order: Any = "big_endian" if big else "little_endian"
+    order = "big_endian" if big else "little_endian"
     signal = Signal("x", start, length, order, signed, conversion=BaseConversion.factory())
     try:
         message = Message(1, "m", 8, [signal], strict=True)
@@ -280,11 +273,11 @@ def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path, monkeypatch):
     link = driver.open_link(driver.Settings.model_validate(told), wiring)
     try:
         claim = valve.recv(PATIENCE_S)
-        assert claim is not None and claim.arbitration_id == 0x18EEFF26
+        assert claim.arbitration_id == 0x18EEFF26
         for percent, first, third in ((50.0, 125, 0x31), (-20.0, 50, 0x32), (0.0, 0, 0x30)):
             link.drive({"flow command": percent})
             message = valve.recv(PATIENCE_S)
-            assert message is not None and message.arbitration_id == 0x0CFE3126
+            assert message.arbitration_id == 0x0CFE3126
             assert (message.data[0], message.data[2]) == (first, third)
             assert message.data[1] == message.data[7] == 0xFF
         for byte, value in ((155, 30.0), (95, -30.0), (0xFF, None)):

@@ -7,7 +7,7 @@ import re
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -113,24 +113,18 @@ def module() -> dict[tuple[int, int], bytes]:
 @contextmanager
 def by_hand(folder: Path, objects: dict[tuple[int, int], bytes], fixed: set[int] | None = None,
             model: str = "io-401", wiring: Wiring = WIRING, **more: Any) -> Iterator[tuple[Any, ByHand]]:  # fmt: skip
-    node = ByHand(folder.name, objects)
-    node.fixed = fixed or set()
-    told = {
-        "model": model,
-        "address": f"virtual:{folder.name}",
-        "node": 5,
-        "timeout_s": 1.0,
-        "longest_reply_s": 1.0,
-        **more,
-    }
-    try:
-        link = driver.open_link(driver.Settings.model_validate(told), wiring)
-        try:
+    with closing(ByHand(folder.name, objects)) as node:
+        node.fixed = fixed or set()
+        told = {
+            "model": model,
+            "address": f"virtual:{folder.name}",
+            "node": 5,
+            "timeout_s": 1.0,
+            "longest_reply_s": 1.0,
+            **more,
+        }
+        with closing(driver.open_link(driver.Settings.model_validate(told), wiring)) as link:
             yield link, node
-        finally:
-            link.close()
-    finally:
-        node.close()
 
 
 def with_eds(folder: Path, name: str) -> None:

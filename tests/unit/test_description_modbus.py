@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -135,11 +135,8 @@ def opened(device: Foreign, tmp_path: Path, **more: Any) -> Iterator[modbus.Modb
     path = written(tmp_path, "everything.toml", EVERYTHING)
     with ForeignLine(device.on_tcp) as line:
         told = {"model": str(path), "address": f"127.0.0.1:{line.port}", "timeout_s": 1.0, "watchdog_s": 1.5, **more}
-        link = modbus.open_link(modbus.Settings.model_validate(told), WIRING)
-        try:
+        with closing(modbus.open_link(modbus.Settings.model_validate(told), WIRING)) as link:
             yield link
-        finally:
-            link.close()
 
 
 def test_everything_against_a_device_that_shares_nothing(tmp_path, half_a_second_later):
@@ -253,7 +250,7 @@ def test_echo_and_pause_are_those_of_the_description(tmp_path):
     path = written(tmp_path, "acme.toml", SMALL.replace('"wire"', '"wire"\necho = true\npause_s = 0.05'))
     device, asked_s = Tables(inputs={8: 77}), [0.0]
 
-    def echoing(frame: bytes) -> bytes:
+    def echoing(frame):
         early = time.monotonic() - asked_s[0] < 0.04
         asked_s[0] = time.monotonic()
         return frame if early else frame + device.on_serial(frame)

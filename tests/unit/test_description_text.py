@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -104,11 +104,8 @@ def opened(device: Callable[[bytes], bytes], folder: Path, **more: Any) -> Itera
     with ForeignLine(device, ended(b"\r")) as line:
         told = {"model": str(path), "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 1.0,
                 "longest_reply_s": 1.0, **more}  # fmt: skip
-        link = text.open_link(text.Settings.model_validate(told), WIRING)
-        try:
+        with closing(text.open_link(text.Settings.model_validate(told), WIRING)) as link:
             yield link
-        finally:
-            link.close()
 
 
 def test_what_is_told_and_asked_is_what_the_file_says(tmp_path, half_a_second_later):
@@ -153,7 +150,7 @@ def test_an_answer_of_another_form_is_none(asked, says, error, tmp_path):
     device = Regulator()
     device.says[asked] = says
 
-    def use() -> dict[str, float]:
+    def use():
         with opened(device, tmp_path) as link:
             link.drive({"set": 1.0})
             return link.read()
@@ -262,9 +259,9 @@ answer = "{value} V"
 
 
 def test_a_described_scpi_instrument_by_hand(tmp_path):
-    lines: list[str] = []
+    lines = []
 
-    def device(came: bytes) -> bytes:
+    def device(came):
         answers = {"*IDN?": "ACME,S2,1,2", "SYST:ERR?": '0,"No error"', "VOLT?": "2.5", "MEAS:VOLT?": "2.498 V"}
         units = [unit.strip(":") for unit in came.decode().strip().split(";")]
         lines.extend(units)

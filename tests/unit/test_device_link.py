@@ -99,7 +99,7 @@ def wait(monkeypatch):
     """Turns the clock of links on, by seconds; what they wait for passes at once."""
     clock = SimpleNamespace(now_s=0.0)
 
-    def turned_on(by_s: float) -> None:
+    def turned_on(by_s):
         clock.now_s += by_s
 
     monkeypatch.setattr(system, "now_s", lambda: clock.now_s)
@@ -108,7 +108,7 @@ def wait(monkeypatch):
 
 
 def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is(wait):
-    def pulled_at() -> None:
+    def pulled_at():
         for turn in range(1000):
             cell.holds = 0.0 if turn % 3 else 5.0
             cell.read()
@@ -210,7 +210,7 @@ def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch):
     device, clock = Tables(inputs={0: 20}, holding={8: 0}), SimpleNamespace(now_s=0.0, answer_s=0.0)
     monkeypatch.setattr(system, "now_s", lambda: clock.now_s)
 
-    def answer(frame: bytes) -> bytes:
+    def answer(frame):
         clock.now_s += clock.answer_s
         return device.on_tcp(frame)
 

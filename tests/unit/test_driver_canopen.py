@@ -193,7 +193,7 @@ def test_hub_passes_frames_on_and_survives_nonsense():
         stranger.sendall(b"< send zz 9 1 2 > <> < rawmode > \xff\xff < send 7ff 1 >" + b"x" * 9000)
         buses[0].send(can.Message(arbitration_id=0x18FE3001, data=b"\x01\xff", is_extended_id=True))
         got = buses[1].recv(PATIENCE_S)
-    assert got is not None and got.arbitration_id == 0x18FE3001 and bytes(got.data) == b"\x01\xff"
+    assert got.arbitration_id == 0x18FE3001 and bytes(got.data) == b"\x01\xff"
     for member in buses:
         member.shutdown()
     hub.close()

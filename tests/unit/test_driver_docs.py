@@ -97,7 +97,7 @@ def test_the_driver_of_the_guide_when_the_gauge_goes_away(guide):
     wiring = Wiring({}, inputs({"p": "pressure"}, "bar", 0.0, 400.0))
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
-        def serve() -> None:
+        def serve():
             client, _ = listener.accept()
             client.recv(64)
             client.sendall(b"12.5\n")

@@ -230,11 +230,11 @@ def test_address_that_is_lost_ends_the_commands(bus):
 def test_valve_that_restarted_is_told_before_it_is_driven_on(bus):
     with linked(bus) as (link, served, side), beside(bus) as other:
 
-        def is_driven() -> bool:
+        def is_driven():
             link.drive({"flow command": 40.0})
             return side.standing("flow command") == 40.0
 
-        def restarts() -> None:
+        def restarts():
             until(is_driven)
             served.behaviour.quirks = Quirks(reboot=True)
             until(lambda: side.standing("flow command") == 0.0)

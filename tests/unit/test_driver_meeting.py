@@ -217,7 +217,7 @@ def hang_up(line: ForeignLine, link: Any) -> None:
 def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting():
     place = Place(at=5.0)
 
-    def answer(came: bytes) -> bytes:
+    def answer(came):
         return b"" if came.startswith(b"$018C") else place.module(came)
 
     with ForeignLine(answer, ended(b"\r")) as line:
@@ -230,9 +230,9 @@ def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting(
 
 @pytest.mark.parametrize("known_as", ["one", ""])
 def test_who_hangs_up_when_it_is_asked_who_it_is_is_written_nothing_where_that_matters(known_as):
-    place, asked = Place(who="another", at=5.0), list[bytes]()
+    place, asked = Place(who="another", at=5.0), []
 
-    def answer(frame: bytes) -> bytes | None:
+    def answer(frame):
         if frame[7] != 43:
             return place.coupler(frame)
         asked.append(frame)
@@ -250,10 +250,10 @@ def test_who_hangs_up_when_it_is_asked_who_it_is_is_written_nothing_where_that_m
 
 
 def test_what_a_serial_adapter_holds_goes_when_its_bus_is_given_up():
-    flushed: list[bool] = []
+    flushed = []
 
     class Port:
-        def reset_output_buffer(self) -> None:
+        def reset_output_buffer(self):
             flushed.append(True)
 
     class Adapter:

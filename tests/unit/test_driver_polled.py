@@ -185,7 +185,7 @@ def test_link_that_falls_behind_says_at_once_how_long_nothing_is_seen():
 def test_whole_waveforms_are_counted_where_blocks_end_early():
     device, link = timed()
     link.takes_s = 0.02
-    asked: list[int] = []
+    asked = []
 
     def waveforms():  # type: ignore[no-untyped-def]
         for i in range(3):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -63,16 +63,10 @@ def linked(channel: OutputChannel = OUT, **settings: Any) -> Iterator[tuple[Any,
     terminals = side()
     told = {"timeout_s": 1.0, "longest_reply_s": 1.0, "watchdog_s": 60.0, "address": "127.0.0.1:0", **settings}
     amplifier = Amplifier(terminals)
-    server = serve_registers(amplifier, told, terminals, Quirks())
-    try:
+    with closing(serve_registers(amplifier, told, terminals, Quirks())) as server:
         checked = pwm_amplifier.Settings.model_validate({**told, "address": server.where})
-        link = pwm_amplifier.open_link(checked, replace(WIRING, outputs={"current": channel}))
-        try:
+        with closing(pwm_amplifier.open_link(checked, replace(WIRING, outputs={"current": channel}))) as link:
             yield link, amplifier
-        finally:
-            link.close()
-    finally:
-        server.close()
 
 
 def test_current_carrier_and_dither_are_what_the_bench_says():
@@ -95,7 +89,7 @@ def test_dither_moves_the_coil_only_once_it_is_set():
     amplifier = Amplifier(terminals)
     amplifier.write(0, 1500)
 
-    def swing() -> float:
+    def swing():
         clock.now_s += 0.5
         readings = []
         for _ in range(40):

@@ -8,7 +8,7 @@ import threading
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import can
@@ -66,16 +66,10 @@ def bus(request):
 @contextmanager
 def linked(kind: str, bus: str, **more: Any) -> Iterator[Any]:
     driver, twin, wiring = KINDS[kind]
-    served = twin.serve({"address": f"virtual:{bus}"}, twin.world(SIMULATION, {"": wiring}).side(""), Quirks())
-    told = {"address": f"sick:{bus}", "timeout_s": 1.0, "longest_reply_s": 1.0, "watchdog_s": 60.0, **more}
-    try:
-        link = driver.open_link(driver.Settings.model_validate(told), wiring)
-        try:
+    with closing(twin.serve({"address": f"virtual:{bus}"}, twin.world(SIMULATION, {"": wiring}).side(""), Quirks())):
+        told = {"address": f"sick:{bus}", "timeout_s": 1.0, "longest_reply_s": 1.0, "watchdog_s": 60.0, **more}
+        with closing(driver.open_link(driver.Settings.model_validate(told), wiring)) as link:
             yield link
-        finally:
-            link.close()
-    finally:
-        served.close()
 
 
 def moved(kind: str, link: Any, percent: float) -> dict[str, float]:
@@ -135,7 +129,7 @@ def test_frames_with_29_bits_belong_to_others(bus):
         moved("canopen", link, 40.0)
         stop = threading.Event()
 
-        def chatter() -> None:
+        def chatter():
             while not stop.wait(0.0005):
                 for identifier in (0x181, 0x081, 0x581):
                     other.send(can.Message(arbitration_id=identifier, data=bytes(8), is_extended_id=True))
@@ -156,10 +150,10 @@ def test_process_data_of_another_length_are_no_answer(bus):
     """Another program has it carry the actual value alone."""
     with can.Bus(interface="virtual", channel=bus) as other, linked("canopen", bus) as link:
 
-        def send(identifier: int, data: bytes) -> None:
+        def send(identifier, data):
             other.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
 
-        def receive(wait_s: float) -> None:
+        def receive(wait_s):
             while (message := other.recv(wait_s)) is not None:
                 wait_s = 0.0
                 remap.take(message.arbitration_id, bytes(message.data))
@@ -175,7 +169,7 @@ def test_process_data_of_another_length_are_no_answer(bus):
     "garbled", [b"", b"\x00", b"\xff" * 8, b"\x43\x00\x63", b"\x80" + bytes(7), b"\x41" + bytes(7)]
 )
 def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled):
-    def answers(_wait_s: float) -> None:
+    def answers(_wait_s):
         server.take(0x581, garbled)
 
     server = Sdo(1, 0.1, lambda *_: None, answers)
@@ -236,7 +230,7 @@ def test_traceback_that_a_library_puts_into_its_text_is_left_out():
 
 
 def test_a_bus_that_says_no_end_of_things_is_told_in_one_short_line(monkeypatch):
-    def endless(**_settings: object) -> object:
+    def endless(**_settings):
         raise can.CanError("Expected '< hi >' got: " + "< hi >" * 5000)
 
     monkeypatch.setattr(can, "Bus", endless)

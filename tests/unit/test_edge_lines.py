@@ -8,7 +8,7 @@ import struct
 import termios
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
@@ -87,11 +87,8 @@ def linked(
     end = ENDS["CR" if driver is ascii_module else more.get("end", "LF")]
     with ForeignLine(answer, ended(end)) as line:
         told = {"model": model, "address": f"socket://127.0.0.1:{line.port}", **CALM, **more}
-        link = driver.open_link(driver.Settings.model_validate(told), wiring)
-        try:
+        with closing(driver.open_link(driver.Settings.model_validate(told), wiring)) as link:
             yield link
-        finally:
-            link.close()
 
 
 def module(device: Callable[[bytes], bytes | None], wiring: Wiring, model: str = "adam-4017", **more: Any) -> Any:
@@ -109,7 +106,7 @@ def test_inputs_are_read_in_the_one_form_that_the_manual_has():
 
 
 def test_readings_with_a_lost_byte_are_no_answer():
-    def reads(lost: int) -> None:
+    def reads(lost):
         device = Module()
         with module(device, inputs("ai0")) as link:
             device.readings = READINGS[:lost] + READINGS[lost + 1 :]
@@ -121,10 +118,10 @@ def test_readings_with_a_lost_byte_are_no_answer():
 
 @pytest.mark.parametrize(("request_of", "count"), [("#01C0", 4), ("$016C0", 11)])
 def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_of, count):
-    def asks(lost: int) -> None:
+    def asks(lost):
         device, spoils = Module(name="4024"), [False]
 
-        def spoiled(came: bytes) -> bytes:
+        def spoiled(came):
             answer = device(came)
             spoil = spoils[0] and came.decode().startswith(request_of)
             return answer[:lost] + answer[lost + 1 :] if spoil else answer
@@ -181,7 +178,7 @@ def test_an_echo_is_named_and_a_setting_helps():
 def test_a_pause_between_frames_and_noise_around_them():
     device, answered_s = Module(), [0.0]
 
-    def slow(came: bytes) -> bytes:
+    def slow(came):
         if time.monotonic() - answered_s[0] < 0.3:
             return b""
         answered_s[0] = time.monotonic()
@@ -196,9 +193,9 @@ def test_a_pause_between_frames_and_noise_around_them():
 
 
 def test_what_has_no_answer_waits_for_the_pause_too():
-    came_s: list[float] = []
+    came_s = []
 
-    def device(came: bytes) -> bytes:
+    def device(came):
         came_s.append(time.monotonic())
         return b"1\n" if came == b"?\n" else b""
 
@@ -298,10 +295,10 @@ SPOILED = (b"", b"\xfe\r", b"\n", b"!01\r!01\r", b"?01\r", b";;;\n", b'1;2;+0,"'
 
 @pytest.mark.parametrize("make", [module, source])
 def test_whatever_comes_back_is_a_reading_or_a_named_error(make):
-    def reads(spoiled: bytes) -> None:
+    def reads(spoiled):
         device, spoil = Module() if make is module else Instrument(), [False]
 
-        def sometimes(came: bytes) -> bytes:
+        def sometimes(came):
             return spoiled if spoil[0] else device(came)
 
         with make(sometimes, inputs("ai0")) if make is module else make(sometimes) as link:

@@ -204,23 +204,23 @@ def busy(device: Tables, times: float) -> Callable[[bytes], bytes]:
 def asked_by_hand(monkeypatch):
     """A line by a clock of its own to a device that answers so: when it was asked, and what came of it."""
 
-    def asked(answer: Callable[[bytes], bytes], says: str) -> list[float]:
-        asked_s, spent_s = list[float](), [0.0]
+    def asked(answer, says):
+        asked_s, spent_s = [], [0.0]
 
         class Port:
             line, is_hung_up, quiet_until_s = nullcontext(), False, 0.0
             come = b""
 
-            def write(self, data: bytes) -> None:
+            def write(self, data):
                 asked_s.append(sum(spent_s))
                 self.come = answer(data)
 
-            def read(self, wait_s: float) -> bytes:
+            def read(self, wait_s):
                 spent_s.append(0.07 if self.come else max(0.0, wait_s))
                 came, self.come = self.come, b""
                 return came
 
-            def drop(self) -> None:
+            def drop(self):
                 """Nothing is open."""
 
         line = modbus_line.ModbusLine(LineSettings(address="127.0.0.1:502", timeout_s=0.2), lambda: None)
@@ -264,11 +264,11 @@ SPOILED = (b"", b"\x00", b"\xff" * 99, b"\x01\x84\x02", b"\x01\x04\xff\x00", b"\
 
 @pytest.mark.parametrize("transport", FRAMES)
 def test_whatever_comes_back_is_a_reading_or_a_link_error(transport):
-    def reads(spoiled: bytes) -> None:
+    def reads(spoiled):
         device, spoil = Tables(inputs={0: 453}), [False]
         answer = device.on_tcp if transport == "tcp" else device.on_serial
 
-        def sometimes(frame: bytes) -> bytes:
+        def sometimes(frame):
             good = answer(frame)
             return (good[:6] if transport == "tcp" else b"") + spoiled if spoil[0] else good
 
@@ -314,7 +314,7 @@ def test_an_answer_to_another_question_is_no_identity():
     device = Tables(inputs={0: 453})
     other = bytes.fromhex("000000000005010402ffff")
 
-    def answer(frame: bytes) -> bytes:
+    def answer(frame):
         return frame[:4] + other[4:] if frame[7] == 43 else device.on_tcp(frame)
 
     with linked(answer) as link:
@@ -343,7 +343,7 @@ def test_a_late_answer_is_not_called_an_echo_once_readings_have_come():
     """An adapter that echoes would have been noticed before."""
     device, before = Tables(inputs={0: 453}), [b"", b""]
 
-    def one_behind(frame: bytes) -> bytes:
+    def one_behind(frame):
         before[:] = [before[1], device.on_serial(frame)]
         return before[0] if late[0] else before[1]
 

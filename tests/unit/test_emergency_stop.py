@@ -15,7 +15,7 @@ from hil.bench.fault import BenchError
 from hil.bench.file import EMERGENCY_STOP
 from hil.bench.find import benches
 from hil.bench.protection import emergency_stops
-from hil.bench.read import BenchFile, read_bench
+from hil.bench.read import read_bench
 from hil.bench.rehearsal import twin_of
 from hil.clock import VirtualClock
 from hil.daq.calibration import Calibration
@@ -125,7 +125,7 @@ def test_the_documented_bench_has_one(tmp_path):
     page = (DOCS / "explanation" / "safety.md").read_text(encoding="utf-8")
     (text,) = [block for block in re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S) if "emergency stop" in block]
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
-    file: BenchFile = read_bench(tmp_path / "bench.toml")
+    file = read_bench(tmp_path / "bench.toml")
     assert [lock.name for lock in emergency_stops(file.bench)] == ["emergency stop"]
     assert file.bench.name == read_bench(benches()["hpv41-modbus-tcp"]).bench.name
 
@@ -180,7 +180,7 @@ def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(p
     }
     daq = PolledDaq({"io": io, "door": door}, wirings, clock)
     lock = Interlock("stop", "trip", Band("stop", low=5.0), is_emergency_stop=True)
-    events: list[str] = []
+    events = []
     guard = Guard(
         Scaled(daq, dict.fromkeys(("command", "stop"), Calibration("V"))), Protection(100.0, interlocks=(lock,)),
         clock=clock, note=lambda event, **_: events.append(event),

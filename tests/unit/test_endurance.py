@@ -90,7 +90,7 @@ def test_a_run_that_was_broken_off_thrice_finds_what_an_unbroken_one_finds(tmp_p
     for k, stop in enumerate(("10 of 60", "25 of 60", "45 of 60")):
         out = tmp_path / f"broken{k}"
 
-        def say(_done: float, text: str, stop: str = stop) -> None:
+        def say(_done, text, stop=stop):
             if text.startswith(stop):
                 raise StoppedError("somebody opened the door")
 

@@ -1,7 +1,5 @@
 """Fail-safe: the closing time of a first-order valve by its formula, what stays open, drift that is none."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

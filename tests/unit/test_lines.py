@@ -1,7 +1,5 @@
 """Lines in spectra."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hil.identification.grey_box.lines import prominence

@@ -70,7 +70,7 @@ def test_no_measurement_breaks_an_interlock_for_as_long_as_it_lasts(none, band):
     watch = Watch(Interlock("p", "trip", band, for_s=0.25))
     assert watch.judge(block([0.0, none, none, 0.0])) is None
     found = watch.judge(block([none] * 4, start=4))
-    assert found is not None and found.time_s == pytest.approx(0.7)
+    assert found.time_s == pytest.approx(0.7)
     assert "no measurement" in found.text
 
 
@@ -90,7 +90,7 @@ def test_a_channel_that_never_reads_anything_is_stale_too():
     watch = Watch(Interlock("dead", "stop", Band("pressure"), stale_s=0.3))
     assert watch.judge(block([np.nan, 1.0, 2.0, 3.0])) is None
     found = watch.judge(block([np.nan] * 5, start=4))
-    assert found is not None and found.time_s == pytest.approx(0.7)
+    assert found.time_s == pytest.approx(0.7)
 
 
 class Dead(Wire):
@@ -120,7 +120,7 @@ def test_why_there_is_none_is_said_in_the_devices_words():
         Guard(Dead(np.nan, says_why=True), Protection(rate_hz=100.0)).ready()
     watch = Watch(Interlock("p", "trip", Band("pressure", high=1.0)))
     found = watch.judge(replace(block([0.0, np.nan]), invalid_reasons={"pressure": "sensor broken"}))
-    assert found is not None and "no measurement (sensor broken); allowed" in found.text
+    assert "no measurement (sensor broken); allowed" in found.text
 
 
 def test_an_interlock_decides_how_long_its_channel_may_be_dead():

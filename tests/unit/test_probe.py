@@ -67,7 +67,7 @@ def test_canopen_with_uploads_alone(tmp_path):
 def test_j1939_is_heard_and_not_asked_by_sdo(tmp_path):
     with served("hpv41-j1939", tmp_path, *PATIENT) as (file, _):
         address = _address(file, "j1939_valve")
-        heard: list[can.Message] = []
+        heard = []
         with _listening(address, heard):
             found = _who("can", address, listen_s="1.0")
         assert found and all(one.place.startswith("J1939 address") for one in found)

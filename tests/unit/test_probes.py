@@ -1,7 +1,5 @@
 """The strengths at which two changes together take most, against a solver of bounded least squares."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -61,7 +61,7 @@ def test_codes_that_are_seen_count_more_than_what_is_said_and_nothing_is_made_up
 
 
 def test_a_register_says_what_one_count_more_means():
-    def step(**more: Any) -> float:
+    def step(**more):
         model = Model({"x": Register("in", "value", "bar", 0.0, 400.0, more.pop("table", "input"), 0, **more)})
         return model.terminals["x"].step
 

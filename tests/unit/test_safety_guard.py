@@ -11,7 +11,7 @@ import pytest
 from wire import Wire
 
 from hil.clock import VirtualClock
-from hil.daq.contract import Block, Waveform
+from hil.daq.contract import Waveform
 from hil.errors import HardwareError, RangeError, StoppedError, StorageError, TrippedError
 from hil.safety.envelope import Dwell, Envelope
 from hil.safety.guard import Guard
@@ -99,9 +99,9 @@ def test_trip_on_the_way_down_jumps():
 
 def test_hold_waits_before_the_next_part_until_the_condition_is_met():
     wire = Wire()
-    kept: list[Block] = []
+    kept = []
 
-    def keep(block: Block) -> None:
+    def keep(block):
         kept.append(block)
         wire.offset = -3.0 if len(kept) > 4 else 0.0  # it cools down while the guard waits
 
@@ -134,7 +134,7 @@ def test_hold_gives_up_when_patience_ends():
 def test_any_error_of_the_reader_makes_safe(error):
     wire = Wire()
 
-    def read() -> None:
+    def read():
         for _ in Guard(wire, protection(ramps={"a": 100.0})).play(wave(5.0, samples=30)):
             raise error
 
@@ -165,7 +165,7 @@ def test_a_trip_on_the_way_down_ends_the_run_of_a_reader_who_left_early():
 def test_a_trip_waits_for_no_disk_and_its_block_is_kept():
     wire, kept, stood = Wire(), [], []
 
-    def slowly(block: Block) -> None:
+    def slowly(block):
         stood.append(driven(wire)[-1])
         kept.append(block)
 
@@ -176,7 +176,7 @@ def test_a_trip_waits_for_no_disk_and_its_block_is_kept():
 
 
 def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said():
-    def full(block: Block) -> None:
+    def full(block):
         if block.inputs["a read"].max() > 6.0:
             raise StorageError("disk full")
 
@@ -187,7 +187,7 @@ def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said():
 
 
 def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path):
-    kept: list[Block] = []
+    kept = []
     guard = Guard(Wire(), protection(high("trip")), Latch(tmp_path / "folder" / "trips.json"), keep=kept.append)
     (tmp_path / "folder").touch()  # no folder
     with pytest.raises(StorageError, match="the trips cannot be kept"):
@@ -196,7 +196,7 @@ def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path):
 
 
 def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded():
-    noted: list[str] = []
+    noted = []
     locks = high("stop", 6.0), replace(high("trip", 6.5), name="higher")
     guard = Guard(Wire(), protection(*locks), note=lambda event, **_details: noted.append(event))
     with pytest.raises(TrippedError, match="higher"):
@@ -207,7 +207,7 @@ def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded():
 def test_full_disk_does_not_keep_outputs_from_going_safe():
     wire = Wire()
 
-    def full(block: Block) -> None:
+    def full(block):
         if block.outputs["a"].any():
             raise StorageError("disk full")
 
@@ -220,7 +220,7 @@ def test_ramp_that_fails_becomes_a_jump():
     class Broken(Wire):
         broken = False
 
-        def play(self, waveform: Waveform, block_samples: int | None = None):
+        def play(self, waveform, block_samples=None):
             if self.broken:
                 raise HardwareError("no answer")
             return super().play(waveform, block_samples)
@@ -284,7 +284,7 @@ def test_dwell_goes_on_while_nothing_plays_and_time_that_is_driven_does_not_coun
     clock = VirtualClock()
     limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
 
-    def goes_on(_: Block) -> None:
+    def goes_on(_):
         if is_driving:
             clock.sleep_until(clock.now_s + 0.1)
 

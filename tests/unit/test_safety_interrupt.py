@@ -39,14 +39,14 @@ def hold_back_twice(reached: list[str]) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_inside_takes_effect_afterwards(number):
-    reached: list[str] = []
+    reached = []
     with pytest.raises(KeyboardInterrupt):
         hold_back(number, reached)
     assert reached == ["safe"]
 
 
 def test_signal_inside_a_nested_section_waits_for_the_outer_one():
-    reached: list[str] = []
+    reached = []
     with pytest.raises(KeyboardInterrupt):
         hold_back_twice(reached)
     assert reached == ["still inside"]
@@ -70,7 +70,7 @@ def fail_while_signals_come(reached: list[str]) -> None:
 
 
 def test_error_on_its_way_is_not_replaced_by_a_signal():
-    reached: list[str] = []
+    reached = []
     with pytest.raises(StoppedError, match="first"):
         fail_while_signals_come(reached)
     assert reached
@@ -84,14 +84,14 @@ def end_well_while_a_signal_comes(reached: list[str]) -> None:
 
 
 def test_signal_that_came_on_the_way_out_of_a_good_end_is_raised_then():
-    reached: list[str] = []
+    reached = []
     with pytest.raises(Terminated):
         end_well_while_a_signal_comes(reached)
     assert reached == ["safe"]
 
 
 def test_signal_that_somebody_swallows_was_told_before():
-    heard: list[KeyboardInterrupt] = []
+    heard = []
     with terminable(), notified_of_signals(heard.append), suppress(KeyboardInterrupt):
         signal.raise_signal(signal.SIGTERM)
     assert [status_of(error) for error in heard] == [128 + signal.SIGTERM]
@@ -119,7 +119,7 @@ def test_nothing_changes_the_status_once_it_is_said():
 def test_other_threads_have_no_signals_to_hold():
     ran = []
 
-    def work() -> None:
+    def work():
         with terminable(), uninterrupted():
             ran.append(1)
 

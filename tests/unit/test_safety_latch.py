@@ -1,7 +1,5 @@
 """Trips stay until somebody resets them by name, also from one program to the next."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.errors import StorageError, TrippedError, UnknownNameError

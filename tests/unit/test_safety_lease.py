@@ -1,7 +1,5 @@
 """One program at a time drives a bench: the lease, and what a second program is told."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -41,7 +39,6 @@ def file(tmp_path):
 def holder(file):
     """Another program that holds the bench."""
     with subprocess.Popen([sys.executable, "-c", HOLD, str(file.path)], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == "held\n"
         yield process
         process.kill()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -32,11 +32,10 @@ RAMP = {"valve": 0.5}  # V/s: from 5 V it takes 10 s
 @contextmanager
 def guarded(remote: Remote, ramps: dict[str, float], operator: Operator, latch: Latch | None = None) -> Iterator[Guard]:
     daq = PolledDaq({"remote": remote}, {"remote": WIRING})
-    guard = Guard(daq, Protection(RATE_HZ, {}, ramps, (), BLOCK_S), latch, RealClock(), operator=operator)
-    try:
+    with closing(
+        Guard(daq, Protection(RATE_HZ, {}, ramps, (), BLOCK_S), latch, RealClock(), operator=operator)
+    ) as guard:
         yield guard
-    finally:
-        guard.close()
 
 
 def later(after_s: float, do: Callable[[], object]) -> threading.Thread:
@@ -84,7 +83,7 @@ def halted(
 @pytest.mark.parametrize("ramps", [{}, RAMP], ids=["jump", "ramp"])
 def test_stop_cuts_a_block_and_jumps(ramps):
     operator, latch = Operator(), Latch()
-    told: list[tuple[float, bool]] = []
+    told = []
     operator.tell = lambda known: told.append((time.monotonic(), known.are_safe))
     remote = Pressing(operator, lambda level: level == 5.0)
     known = halted(remote, ramps, operator, 2000, latch)
@@ -105,14 +104,14 @@ def test_stop_on_the_way_down_makes_it_a_jump():
 def test_stop_ends_an_endless_loop():
     remote, operator = Remote(), Operator()
 
-    def run() -> None:
+    def run():
         with terminable(), guarded(remote, {}, operator) as guard:
             played(guard, Waveform(RATE_HZ, {"valve": np.full(10, 5.0)}))
             timers.append(later(0.1, lambda: operator.ask("stop")))
             while True:
                 pass
 
-    timers: list[threading.Thread] = []
+    timers = []
     with pytest.raises(Halted):
         run()
     timers[0].join()
@@ -135,9 +134,9 @@ def test_nothing_is_driven_after_a_stop():
 
 
 def test_run_in_another_thread_is_stopped_at_its_next_block():
-    remote, ended = Remote(), list[BaseException]()
+    remote, ended = Remote(), []
 
-    def drive() -> None:
+    def drive():
         daq = PolledDaq({"remote": remote}, {"remote": WIRING})
         mine.append(Operator())
         guard = Guard(daq, Protection(RATE_HZ, {}, {}, (), 0.1), None, RealClock(), operator=mine[0])
@@ -150,7 +149,7 @@ def test_run_in_another_thread_is_stopped_at_its_next_block():
                 guard.close() if not ended else mine[0].check()
             daq.close()
 
-    mine: list[Operator] = []
+    mine = []
     thread = threading.Thread(target=drive)
     thread.start()
     while remote.at != 5.0:
@@ -162,7 +161,7 @@ def test_run_in_another_thread_is_stopped_at_its_next_block():
 
 def test_stop_is_told_what_cannot_be_confirmed():
     operator = Operator()
-    told: list[str] = []
+    told = []
     operator.tell = lambda known: told.append(known.by_name["valve"].state)
     known = halted(Pressing(operator, lambda level: level == 5.0, deaf=True), {}, operator, 300)
     assert told[0] == "driven" and not known.settled
@@ -174,8 +173,8 @@ def test_status_of_a_stop_is_its_own():
 
 
 def test_hold_waits_at_the_border_and_goes_on():
-    remote, operator, noted = Remote(), Operator(), list[str]()
-    holding: list[bool] = []
+    remote, operator, noted = Remote(), Operator(), []
+    holding = []
     operator.holding = holding.append
     daq = PolledDaq({"remote": remote}, {"remote": WIRING})
     guard = Guard(
@@ -184,9 +183,9 @@ def test_hold_waits_at_the_border_and_goes_on():
     )  # fmt: skip
     played(guard, Waveform(RATE_HZ, {"valve": np.full(3, 5.0)}))
     operator.ask("hold")
-    begun_s, resumed_s = time.monotonic(), list[float]()
+    begun_s, resumed_s = time.monotonic(), []
 
-    def resume() -> None:
+    def resume():
         resumed_s.append(time.monotonic())
         operator.ask("resume")
 
@@ -222,7 +221,7 @@ def test_hold_is_not_waited_for_longer_than_patience():
 
 def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driven():
     """Between the two the watchdog would take a run for one that does not confirm, and kill it."""
-    said: list[str] = []
+    said = []
     operator = Operator()
     operator.confirming = lambda: said.append("confirming")
     operator.tell = lambda known: said.append(f"told {known.settled}")
@@ -238,7 +237,7 @@ def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driv
 
 
 def test_stop_that_is_pressed_when_a_run_is_over_has_its_answer():
-    told: list[bool] = []
+    told = []
     operator = Operator()
     operator.tell = lambda known: told.append(known.settled)
     guard = Guard(Wire(levels={"a": 5.0}), Protection(RATE_HZ), operator=operator)

@@ -110,7 +110,7 @@ def test_device_that_obeys_a_little_later_is_waited_for():
     class Slow(Device):
         asked = 0
 
-        def read_back(self) -> Mapping[str, ReadBack]:
+        def read_back(self):
             self.asked += 1
             return {**super().read_back(), "a": ReadBack(0.0 if self.asked > 5 else 3.0)}
 
@@ -124,7 +124,7 @@ def test_device_that_obeys_a_little_later_is_waited_for():
 @pytest.mark.parametrize("error", [MemoryError(), SystemExit(1), RuntimeError("can't start new thread")])
 def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error):
     class Broken(Device):
-        def read_back(self) -> Mapping[str, ReadBack]:
+        def read_back(self):
             raise error
 
     known, device = Outputs(), Broken({}, error)

@@ -1,7 +1,5 @@
 """The way to the safe values."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.safety.ramp import way_to
@@ -17,12 +15,12 @@ from hil.safety.ramp import way_to
 )  # fmt: skip
 def test_each_output_at_its_own_slew(safe, at, slew_per_s, way):
     found = way_to(safe, at, slew_per_s, 10.0)
-    assert found is not None and {name: values.tolist() for name, values in found.outputs.items()} == way
+    assert {name: values.tolist() for name, values in found.outputs.items()} == way
 
 
 def test_last_sample_is_the_target_itself():
     way = way_to({"a": 0.1}, {"a": 7.3}, {"a": 0.7}, 10.0)
-    assert way is not None and way.outputs["a"][-1] == 0.1
+    assert way.outputs["a"][-1] == 0.1
 
 
 def test_no_way_when_everything_is_there():

@@ -50,7 +50,7 @@ def test_every_bench_has_a_twin_in_virtual_time(name):
 
 def test_nothing_is_asked_of_the_devices_themselves(tiny, tmp_path):
     unreachable = bench(tmp_path, "hpv41-modbus-tcp")
-    said: list[str] = []
+    said = []
     shown = rehearse_procedure(tiny, unreachable, {"levels": "40"}, lambda _done, text: said.append(text))
     assert 2.0 <= shown.bench_s < 4.0
     assert shown.indications == ()
@@ -109,7 +109,7 @@ def test_a_channel_that_the_plant_does_not_have_is_named(tmp_path):
 
 
 def test_the_seed_can_be_chosen(tiny):
-    def noise(seed: int) -> np.ndarray:
+    def noise(seed):
         from hil.daq.contract import Waveform
 
         daq = twin_of(read_bench(benches()["hpv41-modbus-tcp"]), seed).open()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -136,7 +136,7 @@ def test_witness_that_gives_no_reading_confirms_nothing():
 
 
 def test_witness_that_nobody_named_makes_a_note():
-    heard: list[str] = []
+    heard = []
     guard = driven(guard_of(Valve(np.inf), Witness("a read", is_named=False)))
     guard.output_states.announce = heard.append
     guard.make_safe()
@@ -165,10 +165,10 @@ def test_output_that_never_left_its_safe_value_needs_no_witness():
 
 
 def test_trip_is_kept_before_witnesses_are_heard():
-    kept: list[Mapping[str, str]] = []
+    kept = []
 
     class Looked(Valve):
-        def look(self, name: str) -> Block:
+        def look(self, name):
             kept.append(guard.latch.trips)
             return super().look(name)
 
@@ -187,7 +187,7 @@ def test_good_ends_of_shipped_benches_are_confirmed():
 
 
 def test_shipped_benches_name_the_witness_of_their_command():
-    def unnamed() -> Iterator[str]:
+    def unnamed():
         for name, path in benches().items():
             bench = read_bench(path).bench
             command = next(key for key, channel in bench.channels.items() if channel.role == "command")

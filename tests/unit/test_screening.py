@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ import hil
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.screening import Screening, screen
-from hil.diagnosis.skeleton.rows import Rows, columns_of, rows_of
+from hil.diagnosis.skeleton.rows import columns_of, rows_of
 from hil.diagnosis.skeleton.table import table_of
 from hil.errors import SettingError
 from hil.identification.grey_box.identify import fit_plant
@@ -91,7 +90,7 @@ def test_units_that_were_driven_alike_share_what_the_library_changes_in_them(mon
         simulations.append(self.name)
         return respond(self, *arguments, **how)
 
-    def rows(e: Experiment, **more: float) -> Rows:
+    def rows(e, **more):
         del simulations[:]
         return rows_of(model, [e], columns, {"output": NOISE, **more}, 0.02)
 
@@ -128,7 +127,7 @@ def units(lacking, tmp_path):
 
 @pytest.fixture
 def screened(command_line, tmp_path):
-    def called(folders: list[Path], *more: str) -> str:
+    def called(folders, *more):
         told = command_line("diagnose", "--screen", "--out", tmp_path / "out", "--fleet", *folders, *more)
         assert told.status == 2  # one cannot be screened
         return told.out

@@ -10,7 +10,7 @@ from simulated import FLOW, READ_BACK, SPOOL, efc, hpv41
 
 from hil.clock import VirtualClock
 from hil.daq.channel import Pwm
-from hil.daq.contract import Block, Waveform, joined
+from hil.daq.contract import Waveform, joined
 from hil.errors import DeviceLostError, OutputUnderflowError, OverrunError, RangeError
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
@@ -128,7 +128,7 @@ def test_rate_leaves_time_for_every_input_of_the_multiplexer():
 @pytest.mark.parametrize(("kind", "error"), [("overrun", OverrunError), ("underflow", OutputUnderflowError)])
 def test_fault_hands_over_what_was_read_before_it(kind, error):
     daq = hpv41(fault={"kind": kind, "after": 130})
-    blocks: list[Block] = []
+    blocks = []
     with pytest.raises(error):
         blocks.extend(daq.play(steps(5.0), 50))
     assert len(joined(blocks)) == 130

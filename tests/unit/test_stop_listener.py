@@ -20,7 +20,6 @@ from hil.bench.stop.control import asking
 from hil.bench.stop.door import Door
 from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
-from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
 from tests.certificates import holder
 from tests.stops import SAFE, listening, posted, sent, stopped, tell_safe
@@ -182,7 +181,7 @@ def test_connection_that_is_slow_to_speak_is_hung_up_on(monkeypatch):
 def test_listener_comes_back_after_whatever_ended_its_thread(monkeypatch):
     died = threading.Event()
 
-    async def dies(_listener: Listener) -> None:
+    async def dies(_listener):
         died.set()
         raise SystemExit("of a library")
 
@@ -218,7 +217,7 @@ def test_answer_under_way_is_sent_when_the_listener_closes():
 
 def test_stop_that_waits_when_the_listener_closes_is_answered():
     """Another program has taken the bench: nobody here will ever confirm it."""
-    answers = list[dict[str, object]]()
+    answers = []
     with listening() as (listener, wishes):
         waiting = threading.Thread(target=lambda: answers.append(stopped(listener)), daemon=True)
         waiting.start()
@@ -237,7 +236,7 @@ def test_set_forward_clock_changes_no_answer(monkeypatch):
 
 
 def test_desk_forgets_what_a_dead_run_said():
-    wishes: list[Asked] = []
+    wishes = []
     service = StopService({"valve": "V"}, "watchdog", wishes.append)
     service.tell(SAFE, "run")
     assert service.stop().done() and not wishes
@@ -286,7 +285,7 @@ class Guest(asyncio.Protocol):
 
 
 def test_who_is_sent_away_before_being_met_is_hung_up_on():
-    async def knocked() -> bytes:
+    async def knocked():
         loop = asyncio.get_running_loop()
         with socket.create_server(("127.0.0.1", 0)) as listening, socket.socket() as client:
             door = Door([(listening, None)], Guest, 0, PATIENCE_S)
@@ -313,7 +312,7 @@ class Told(Guest):
 
 
 def test_answers_that_never_end_send_no_newcomer_away():
-    async def said(port: int) -> socket.socket:
+    async def said(port):
         loop, client = asyncio.get_running_loop(), socket.socket()
         client.setblocking(False)
         await loop.sock_connect(client, ("127.0.0.1", port))
@@ -321,7 +320,7 @@ def test_answers_that_never_end_send_no_newcomer_away():
         await asyncio.sleep(0.02)
         return client
 
-    async def knocked() -> tuple[bytes, bool]:
+    async def knocked():
         loop = asyncio.get_running_loop()
         with socket.create_server(("127.0.0.1", 0)) as listening:
             door = Door([(listening, None)], Told, 4, PATIENCE_S)

@@ -1,7 +1,5 @@
 """What a listener takes for a request, and what it refuses."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +11,6 @@ def test_request_comes_in_pieces():
     whole = b"POST /stop?x=1 HTTP/1.1\r\nOrigin: http://a\r\ncontent-LENGTH: 11\r\n\r\ntoken=a%2Bb"
     assert all(request_in(whole[:count]) is None for count in range(len(whole)))
     found = request_in(whole + b"more")
-    assert found is not None
     assert (found.method, found.path, found.origin, found.fields) == ("POST", "/stop", "http://a", {"token": "a+b"})
 
 

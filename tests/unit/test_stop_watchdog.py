@@ -275,7 +275,7 @@ def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path):
 
 
 def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path):
-    noted: list[str] = []
+    noted = []
     control = Control("watchdog", ("http://127.0.0.1:1",), Tokens())
     with published(control, tmp_path / "gone", lambda: False, lambda event, **_: noted.append(event)):
         pass
@@ -283,7 +283,7 @@ def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path):
 
 
 def test_watchdog_without_a_port_watches_all_the_same(monkeypatch):
-    def taken(*_: object) -> None:
+    def taken(*_):
         raise OSError(98, "Address already in use")
 
     monkeypatch.setattr("hil.bench.stop.listener._opened", taken)

@@ -136,7 +136,7 @@ def _looked_at(folder: Path, description: str, device: str, answer: Callable[[by
 def test_words_of_a_count_are_those_of_now_from_the_first_look_on(tmp_path):
     counts = [5000, 0x8000]
 
-    def answer(came: bytes) -> bytes:
+    def answer(came):
         counts[0] ^= 1
         if came[7] == 43:
             return came[:4] + struct.pack(">HBBB", 3, came[6], 43 | 0x80, 1)
@@ -154,7 +154,7 @@ def test_words_of_a_count_are_those_of_now_from_the_first_look_on(tmp_path):
 def test_words_of_an_answer_are_those_of_now(tmp_path):
     said = ["1.5", "9.91E37"]
 
-    def answer(came: bytes) -> bytes:
+    def answer(came):
         text = came.decode()
         if "*IDN" in text:
             return b'A,B,1,1;0,"No error"\n' if "SYST" in text else b"A,B,1,1\n"

@@ -51,7 +51,7 @@ def test_two_answers_in_one_segment(kind, transport):
     """What is read is the answer to this request, or no answer; never the one before."""
     device, last = Tables(inputs={0: 100}, holding={8: 0}), [b""]
 
-    def answer(frame: bytes) -> bytes:
+    def answer(frame):
         now = device.on_tcp(frame) if transport == "tcp" else device.on_serial(frame)
         before, last[0] = last[0], now
         return {"itself twice": now + now, "the last one again before it": before + now}.get(kind, now + before)
@@ -107,9 +107,9 @@ def test_a_line_of_text_waits_for_a_start_up_too(protocol, tmp_path):
 
 
 def test_what_is_gone_at_first_is_waited_for_and_then_told():
-    failures: list[Exception] = [DeviceLostError("cannot be reached"), LinkError("no answer")]
+    failures = [DeviceLostError("cannot be reached"), LinkError("no answer")]
 
-    def ask() -> str:
+    def ask():
         if failures:
             raise failures.pop(0)
         return "here"
@@ -125,7 +125,7 @@ def test_what_is_gone_at_first_is_waited_for_and_then_told():
 def test_a_gateway_that_no_longer_reaches_its_device():
     device, refused = Tables(inputs={0: 20}, holding={8: 0}), [False]
 
-    def answer(frame: bytes) -> bytes | None:
+    def answer(frame):
         return frame[:4] + bytes([0, 3, frame[6], frame[7] | 0x80, 11]) if refused[0] else device.on_tcp(frame)
 
     with ForeignLine(answer) as line:
@@ -141,7 +141,7 @@ def test_a_gateway_that_no_longer_reaches_its_device():
 def test_an_answer_of_a_function_that_is_none():
     device, odd = Tables(inputs={0: 20}, holding={8: 0}), [False]
 
-    def answer(frame: bytes) -> bytes | None:
+    def answer(frame):
         said = device.on_tcp(frame)
         return said[:7] + bytes([66]) + said[8:] if said and odd[0] else said
 
