@@ -9,6 +9,7 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from hil.errors import DeviceLostError
 
@@ -32,7 +33,17 @@ def address_fault(address: str) -> str:
             f"'{address}': {scheme}:// is refused; a serial line is a port such as /dev/ttyUSB0, usb:SERIALNUMBER, "
             f"socket://host:port or rfc2217://host:port"
         )
+    if "://" in address and scheme in _LINES and not _has_host_and_port(address):
+        return f"'{address}': no {scheme}://host:port"
     return ""
+
+
+def _has_host_and_port(url: str) -> bool:
+    try:
+        there = urlsplit(url)
+        return bool(there.hostname) and there.port is not None
+    except ValueError:  # a port that is no number, or beyond 65535
+        return False
 
 
 def is_visa(address: str) -> bool:

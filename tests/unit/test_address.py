@@ -64,6 +64,15 @@ def test_what_of_visa_is_not_used_is_refused_with_what_is(text):
     assert "socket://host:port" in address.address_fault(text)
 
 
+@pytest.mark.parametrize(
+    "text", ["socket://", "socket://:4001", "rfc2217://10.0.0.5", "socket://10.0.0.5:99999", "SOCKET://a:b"]
+)
+def test_a_serial_server_has_a_host_and_a_port(text):
+    assert address.address_fault(text) == f"'{text}': no {text.partition(':')[0].lower()}://host:port"
+    assert address.address_fault("rfc2217://10.0.0.5:4001?logging=debug") == ""
+    assert address.address_fault("socket://[::1]:4001") == ""
+
+
 @pytest.mark.skipif(not Path("/sys/class/net/lo").exists(), reason="needs a network interface that is known")
 def test_a_bus_is_its_network_interface():
     index = Path("/sys/class/net/lo/ifindex").read_text(encoding="ascii").strip()
