@@ -14,7 +14,7 @@ from hil.identification.frequency.bandwidth import Bandwidth, bandwidth
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_together
-from hil.identification.frequency.sine_segments import frequency_responses, left_out_note
+from hil.identification.frequency.sine_segments import frequency_responses, left_out_note, sines_in
 from hil.identification.frequency.table_fit import as_table
 from hil.identification.frequency.transfer_function import TransferFunctionFit
 from hil.identification.preparation.clipped import clipped_note
@@ -94,8 +94,9 @@ def sine_analysis(recordings: Sequence[Recording], input_name: str = "", output_
     """
     names = channels_of(recordings[0], input_name, output_name)
     rows = [measured_rows(one, names) for one in recordings]
-    found = frequency_responses(rows, *names)
-    notes = [note for one in rows for note in left_out_note(one, names[0])]
+    sines = [sines_in(one, names[0]) for one in rows]
+    found = frequency_responses(rows, *names, sines)
+    notes = [note for one, own in zip(rows, sines, strict=True) for note in left_out_note(one, names[0], own)]
     notes += [note for one in rows for note in clipped_note(one.name, names[1], one.values(names[1]))]
     return SineAnalysis(found, tuple(map(bandwidth, found)), fit_together(found), *names, (*notes, _RAW))
 

@@ -37,13 +37,20 @@ class Segment:
         return slice(self.first, self.first + self.count)
 
 
+def sines_in(recording: Recording, input_name: str) -> list[Segment]:
+    """The sines of a recording: those that the procedure wrote down, else those that are found in its input."""
+    return declared_segments(recording) or found_segments(recording.time_s, recording.values(input_name))
+
+
 def frequency_responses(
-    recordings: Recording | Sequence[Recording], input_name: str, output_name: str
-) -> tuple[FrequencyResponse, ...]:
+    recordings: Recording | Sequence[Recording], input_name: str, output_name: str,
+    sines: Sequence[Sequence[Segment]] = (),
+) -> tuple[FrequencyResponse, ...]:  # fmt: skip
     """One frequency response for each amplitude and bias that recordings hold together, in the order they were run.
 
     Sines come from `recording.meta["parts"]` (kind "sine") when the procedure wrote them, and are looked for
-    in the input otherwise; then settling periods are cut off by the response itself.
+    in the input otherwise; then settling periods are cut off by the response itself. `sines`: of each recording, as
+    `sines_in` gives them, where they are at hand.
 
     Raises:
         InputError: no sine is found, the input does not move, or the recordings have other units than the first.
@@ -53,9 +60,14 @@ def frequency_responses(
     for recording, found in zip(each, units, strict=True):
         if found != units[0]:
             raise InputError(f"{recording.name}: in {found[1]} over {found[0]}, {each[0].name} in other units")
-    sines = [(recording, one) for recording in each for one in _segments(recording, input_name, output_name)]
+    sought = sines or [sines_in(recording, input_name) for recording in each]
+    settled = [
+        (recording, one)
+        for recording, own in zip(each, sought, strict=True)
+        for one in _segments(recording, input_name, output_name, own)
+    ]
     made = []
-    for group in _by_level(sines):
+    for group in _by_level(settled):
         harmonics = min(_harmonics(recording.time_s, segment) for recording, segment in group)
         fits = [_fitted(*sine, input_name, output_name, harmonics) for sine in group]
         _, first = group[0]
@@ -66,13 +78,13 @@ def frequency_responses(
 _Sine = tuple[Recording, Segment]
 
 
-def _segments(recording: Recording, input_name: str, output_name: str) -> list[Segment]:
+def _segments(
+    recording: Recording, input_name: str, output_name: str, found: Sequence[Segment]
+) -> Sequence[Segment]:  # fmt: skip
     """Settled sines of a recording."""
-    declared = declared_segments(recording)
-    if declared:
-        return declared
+    if declared_segments(recording):
+        return found
     u, y = recording.channel(input_name), recording.channel(output_name)
-    found = found_segments(recording.time_s, u.values)
     if not found:
         raise InputError(
             f"{recording.name}: no sine in channel '{u.heading}': neither written down in its parts nor two equal "
@@ -135,15 +147,14 @@ def declared_segments(recording: Recording) -> list[Segment]:
     return found
 
 
-def left_out_note(recording: Recording, input_name: str) -> tuple[Note, ...]:
-    """What is said where between its sines a command moves for longer than their longest period.
+def left_out_note(recording: Recording, input_name: str, found: Sequence[Segment]) -> tuple[Note, ...]:
+    """What is said where between its sines, `found` in it, a command moves for longer than their longest period.
 
     A chirp is such a command, and so is a sine of less than two periods. Sines that a procedure wrote down leave none.
     """
     if declared_segments(recording):
         return ()
     time_s, values = recording.time_s, recording.values(input_name)
-    found = found_segments(time_s, values)
     longest_s = max(1.0 / segment.frequency_hz for segment in found)
     least = CRITERIA.moves * min(segment.amplitude for segment in found)
     later = np.searchsorted(time_s, time_s + longest_s / 4.0).clip(max=len(time_s) - 1)
