@@ -107,9 +107,7 @@ def test_a_proof_goes_on_from_published_results(proof, tmp_path):
     results, fingerprint = run(proof, None)
     keep(results, SEED, fingerprint, tmp_path)
     fresh = tmp_path / "fresh"
-    (fresh / "truth").mkdir(parents=True)
-    for label in LABELS:
-        (fresh / "truth" / f"{label}.json").write_bytes((proof / "truth" / f"{label}.json").read_bytes())
+    _reuse_truths(proof, fresh)
     assert run(fresh, None, known=tmp_path / "proof.json")[0] == results  # nobody is asked again
 
     other = tmp_path / "other.json"
@@ -119,9 +117,8 @@ def test_a_proof_goes_on_from_published_results(proof, tmp_path):
 
 
 def test_a_truth_that_was_touched_stops_the_proof(proof, tmp_path):
-    (tmp_path / "truth").mkdir()
-    for name in ("seals.sha256", *(f"truth/{label}.json" for label in LABELS)):
-        (tmp_path / name).write_bytes((proof / name).read_bytes())
+    _reuse_truths(proof, tmp_path)
+    (tmp_path / "seals.sha256").write_bytes((proof / "seals.sha256").read_bytes())
     touched = tmp_path / "truth" / f"{LABELS[0]}.json"
     touched.write_text(touched.read_text().replace("leakage", "friction"))
     with pytest.raises(BrokenSealError):
@@ -157,6 +154,6 @@ def test_a_program_that_fails_is_counted_not_forgiven(proof, tmp_path):
 
 
 def _reuse_truths(proof: Path, out: Path) -> None:
-    (out / "truth").mkdir()
+    (out / "truth").mkdir(parents=True)
     for label in LABELS:
         (out / "truth" / f"{label}.json").write_bytes((proof / "truth" / f"{label}.json").read_bytes())
