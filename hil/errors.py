@@ -194,7 +194,7 @@ _ARGUMENTS = {
     "interval": "interval_s", "unit": "units", "rename": "renamed", "input": "inputs", "input-name": "inputs",
     "output-name": "output", "rise": "rise_s",
     "settling": "settling_s", "budget": "budget_s", "bench-budget": "bench_budget_s", "window": "window_s",
-    "limit": "limits", "note": "notes", "reset": "resets",
+    "load-pressure": "load_pressure_bar", "limit": "limits", "note": "notes", "reset": "resets",
 }  # fmt: skip
 """Options whose argument is called otherwise; every other one is called as it is."""
 _OF_READ = ("time", "interval", "unit", "rename", "columns", "gaps")

@@ -233,4 +233,7 @@ def test_what_does_not_answer_is_not_linearised(command_line):
     assert status == 2
     assert "dead band" in text
     assert command_line("linearise", "hydraforce-open-loop", "--at", 0.75, "--set", "nothing=0")[0] == 2
+    for option, value in (("--step", 0), ("--step", "nan"), ("--load-pressure", "inf")):
+        told = command_line("linearise", "brevini-hpv41", "--at", 30, option, value)
+        assert told.status == 2 and f"{option} {value}: a finite number" in told.err
     assert "allowed are 0 … 0.2" in command_line("linearise", "brevini-hpv41", "--at", 30, "--set", "dead_time=nan").err

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.errors import InputError, option
+from hil.errors import InputError, SettingError, option
 from hil.identification.frequency.frequency_response import from_polar
 from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_transfer_function
@@ -77,10 +77,14 @@ def linearised(
         load_pressure_bar: P_L, at which K_q and K_c are taken.
 
     Raises:
+        SettingError: a command, a step or a pressure that is none.
         InputError: the plant does not answer, as inside a dead band.
     """
     plant = model.definition
-    size = step or 0.01 * plant.inputs[0].full_scale
+    size = 0.01 * plant.inputs[0].full_scale if step is None else step
+    for name, value in (("at", at), ("step", size), ("load-pressure", load_pressure_bar)):
+        if not math.isfinite(value) or (name == "step" and value == 0.0):
+            raise SettingError(f"{option(name)} {value:g}: a finite number{', not 0' if name == 'step' else ''}")
     up, down = (_answer(model, at, sign * size, window_s) for sign in (1.0, -1.0))
     stood = _answer(model, at, 0.0, window_s)
     moved = (up - down) / (2.0 * size)
