@@ -213,14 +213,6 @@ def test_run_that_lacks_a_channel_is_not_resumed(tmp_path):
         pytest.fail("it was opened")
 
 
-def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path):
-    flows = []
-    for name, block_s in (("one", 1.0), ("two", 0.13)):
-        with rig_of(tmp_path, name, protection={"block_s": block_s}) as rig:
-            flows.append(np.concatenate([rig.ramp_to(40.0).values("flow"), rig.hold(1.0).values("flow")]))
-    assert np.array_equal(*flows)
-
-
 def test_rig_is_what_procedures_were_promised(tmp_path):
     promised = {name for name in vars(Rig) if not name.startswith("_")}
     with rig_of(tmp_path) as rig:

@@ -219,15 +219,6 @@ def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(
         assert [struct.unpack(">HH", frame[8:12]) for _, frame in device.heard if frame[7] == 6] == written
 
 
-@pytest.mark.parametrize("text", ["{minutes}", "2", "{safe:ao1}", "{safe}", "{safe:}", ""])
-def test_watchdog_with_an_unknown_placeholder_is_no_model(text):
-    with pytest.raises(
-        SettingError,
-        match=r"watchdog\.arm\.0\.value: .*(a number, \{tenths\}, \{seconds\}, \{ms\} or \{safe:|no output 'ao1')",
-    ):
-        modbus.Model(SECONDS, watchdog=((140, text),))
-
-
 def test_watchdog_that_the_device_cannot_count_is_told():
     model = modbus.Model(SECONDS, watchdog=((140, "{seconds}"),))
     settings = modbus.LineSettings(address="127.0.0.1:502", watchdog_s=0.5)
