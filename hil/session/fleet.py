@@ -88,11 +88,11 @@ class UnitAnswer:
 
     def as_text(self) -> str:
         """In a line."""
-        said = self.screened if self.diagnosed is None else self.diagnosed.diagnosis
-        if said is None:
+        found = self.screened if self.diagnosed is None else self.diagnosed.diagnosis
+        if found is None:
             return self.line or f"{self.unit}: not diagnosed: {self.error}"
         names = "" if self.diagnosed is None else ", ".join(e.name for e in self.diagnosed.diagnosis.effects)
-        return f"{self.unit}: {marked(said.verdict, simulated=said.simulated)}{': ' if names else ''}{names}"
+        return f"{self.unit}: {marked(found.verdict, simulated=found.simulated)}{': ' if names else ''}{names}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,9 +202,9 @@ def diagnosed_fleet(
 def _write_screening(answers: Sequence[UnitAnswer], out: Path) -> None:
     """Every unit a row."""
     heads = list(dict.fromkeys(name for one in answers if one.screened is not None for name in one.screened.as_dict()))
-    told = [(one, {} if one.screened is None else one.screened.as_dict()) for one in answers]
+    screenings = [(one, {} if one.screened is None else one.screened.as_dict()) for one in answers]
     out.mkdir(parents=True, exist_ok=True)
-    rows = [[one.unit, *(known.get(head, "") for head in heads), one.error] for one, known in told]
+    rows = [[one.unit, *(known.get(head, "") for head in heads), one.error] for one, known in screenings]
     write_table(["unit", *heads, "error"], rows, out / SCREENING_FILE)
 
 

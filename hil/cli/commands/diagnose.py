@@ -165,5 +165,5 @@ def _screened(answers: Sequence[UnitAnswer]) -> str:
             fit = "" if found.fit is None else f"{found.fit:.2f} %"
             rows.append((one.unit, verdict, f"{found.z:.2f}", f"{found.needed:.2f}", fit, found.shows_as))
     counts = Counter("not screened" if one.screened is None else one.screened.verdict for one in answers)
-    said = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    return "\n".join([*aligned(rows), f"{len(answers)} units: {said}"])
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    return "\n".join([*aligned(rows), f"{len(answers)} units: {counted}"])

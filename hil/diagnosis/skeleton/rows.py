@@ -257,11 +257,11 @@ def _driven_alike(
     if plant.observer is not None or starts or e.is_late or e.ripples is not None or e.read_s is not None:
         return ""
     grid_s = e.time_s if e.grid_s is None else np.concatenate([e.time_s, e.grid_s])
-    said = (
+    what_counts = (
         plant.name, sorted(model.values.items()), model.active_effects, columns, sorted(floors.items()), length_s,
         tuple(_channels(model, e, floors)), drive.interval_s, drive.read_at, drive.inputs.shape, e.skew_s,
     )  # fmt: skip
-    return hashlib.sha256(repr(said).encode() + drive.inputs.tobytes() + grid_s.tobytes()).hexdigest()
+    return hashlib.sha256(repr(what_counts).encode() + drive.inputs.tobytes() + grid_s.tobytes()).hexdigest()
 
 
 class _Kept:
