@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from hil.bench.ending import LEAVES_S
 from hil.errors import DeviceLostError, HilError, LinkError
 from tests.worlds.can_bus import Valve
 from tests.worlds.devices import FULL
@@ -232,6 +233,14 @@ def is_no_restart(ran: Ran, fault: Fault) -> bool:
     return fault.kind == "restart" and on_plain_can and fault.lasts_s < TELLS_LATE_S
 
 
+def who_stays_is_left(world: World, ran: Ran) -> Iterator[str]:
+    """A procedure that swallows the end and does not return keeps the process no longer than is said."""
+    if ran.schedule.procedure != "stays" or not world.swallowed_s or kinds(ran) & {*_CLOCKS, *NO_DISK}:
+        return
+    if world.run.ended_s > world.swallowed_s + LEAVES_S + 0.5:
+        yield f"the end was swallowed at {world.swallowed_s:.3f} s, and the run ended at {world.run.ended_s:.3f} s"
+
+
 def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
     """A device that restarts while it drives ends the run, also where it obeys again before anybody misses it."""
     _, end_s = drives_s(world)
@@ -335,5 +344,5 @@ LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
     samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
     own_watchdogs_are_armed, claims_are_waited_for, safe_comes_before_readings, contact_is_asked, holds_are_events,
-    witness_is_heard, is_driven, nobody_spins,
+    witness_is_heard, is_driven, nobody_spins, who_stays_is_left,
 )  # fmt: skip

@@ -231,7 +231,8 @@ def causes_of_the_watchdog(world: World, ran: Ran) -> Iterator[str]:
 
 _OF_ALL = {"switch", "pause", "sleep", "power", "second", "disk slow", "wd kill", "wd pause"}
 """Faults beside which an output may come later to its safe value, to whatever device they happen."""
-_TIME_OUT_S, _RAMP_S = 0.3, 0.7  # of an exchange with another device that is under way, of the way down
+_TIME_OUT_S, _RAMP_S, _OPENS_S = 0.3, 0.7, 0.4
+"""Of an exchange with another device that is under way, of the way down, of opening a device on a way of one's own."""
 
 
 def others_delay_nothing(world: World, ran: Ran) -> Iterator[str]:
@@ -241,7 +242,7 @@ def others_delay_nothing(world: World, ran: Ran) -> Iterator[str]:
         return
     from_s = run.ended_s if run.status < 0 else begun_s
     struck = {fault.device for fault, _ in ran.took} - {""}
-    within_s = 0.1 + _TIME_OUT_S * len(struck) + _RAMP_S * ran.schedule.ramped
+    within_s = 0.1 + _TIME_OUT_S * len(struck) + (_OPENS_S if run.status < 0 else _RAMP_S * ran.schedule.ramped)
     for output, device in world.outputs.items() if from_s is not None else ():
         changes = ran.changes[output]
         stood = [percent for at_s, percent in changes if at_s <= from_s][-1]

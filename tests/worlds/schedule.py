@@ -10,7 +10,7 @@ THIRD = "third"
 THIRDS = {"m": "module", "s": "source", "p": "amplifier", "v": "valve", "n": "node", "d": "driver", "t": "controller"}
 """Devices that may stand beside those two, by their mark in a code: four on a serial line, three on CAN."""
 PHASES = ("opening", "driving", "making safe", "closing")
-PROCEDURES = ("plain", "steps", "swallows", "raises", "exits", "blocks", "leaves early")
+PROCEDURES = ("plain", "steps", "swallows", "raises", "exits", "blocks", "leaves early", "stays")
 KINDS = {
     "out": "network", "hold": "network", "double": "network", "slow line": "network", "reset": "network",
     "switch": "network", "lose": "network", "garble": "network", "echo": "network", "fails": "device",

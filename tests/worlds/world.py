@@ -22,7 +22,7 @@ from greenlet import getcurrent
 from serial.tools import list_ports
 
 from hil.bench import watchdog
-from hil.bench.ending import LastWord, accounted
+from hil.bench.ending import LEAVES_S, LastWord, accounted
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import exit_status_of, with_notes
@@ -417,6 +417,14 @@ class World:
                 play(np.full(10, 70.0))
                 self.ran.blocks += 5
 
+        if kind == "stays":
+            try:
+                play(up)
+                stand()
+            except BaseException:
+                self.swallowed_s = self.hub.now_s
+                system.sleep(2.0 * LEAVES_S)
+            return
         if kind == "swallows":
             for _ in range(4):
                 try:
