@@ -19,7 +19,7 @@ _ON = {"enable": 50.0, PILOT: 50.0}  # % of full scale
 _ON_VALVE = 40.0
 _STEP = 0.01  # % of full scale: what a converter rounds
 _HEARD_S = {"int": 0.15, "term": 0.15, "hup": 0.15, "stop": 0.3, "over": 0.8, "pressed": 0.8}
-_LEAST_S = {"over": 0.3, "pressed": 0.3}
+LEAST_S = {"over": 0.3, "pressed": 0.3}
 _CAUSES = (
     ("over-pressure", {"over"}), ("pressed at", {"pressed"}), ("low-pressure", {"low", "swap"}),
     ("slept for", {"sleep", "pause", "wd pause"}), ("No space left", {"disk full"}), ("stop was pressed", {"stop"}),
@@ -212,9 +212,9 @@ def is_heard(world: World, ran: Ran) -> Iterator[str]:
     begun_s, end_s = drives_s(world)
     blocks = ran.schedule.procedure == "blocks"
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
-        if phase != "driving" or fault.kind not in _HEARD_S or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
+        if phase != "driving" or fault.kind not in _HEARD_S or fault.lasts_s < LEAST_S.get(fault.kind, 0.0):
             continue
-        is_judged = fault.kind in _LEAST_S  # when a block is over, which ends by the clock where a device is slow
+        is_judged = fault.kind in LEAST_S  # when a block is over, which ends by the clock where a device is slow
         calm = CALM - ({"wd pause"} if fault.kind == "stop" else set()) | ({"slow"} if is_judged else set())
         others = [other for other, _ in ran.took if other.kind not in calm]  # a stop is heard by the watchdog
         if is_judged and (others or blocks or "low" in kinds(ran)):
@@ -254,6 +254,20 @@ def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
             stood = [percent for changed_s, percent in ran.changes[output] if changed_s < at_s][-1]
             if abs(stood) > NEAR and at_s + patience_s < end_s:
                 yield f"{fault.device} restarted at {at_s:.3f} s, and it was driven until {end_s:.3f} s"
+
+
+def faults_end_a_run(world: World, ran: Ran) -> Iterator[str]:
+    """A device that reports a fault while it is driven ends the run, also where it holds its demand."""
+    begun_s, end_s = drives_s(world)
+    if kinds(ran) - CALM - {"fails"} or kinds(ran) & {"wd pause", "low", "hold run"}:
+        return
+    for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
+        stood = [percent for changed_s, percent in ran.changes.get(PILOT, [(0.0, 0.0)]) if changed_s < at_s]
+        is_long = fault.lasts_s > _NOTICED_S + ran.schedule.block_s
+        if fault.kind != "fails" or phase != "driving" or not is_long or abs(stood[-1]) <= NEAR:
+            continue
+        if begun_s < at_s and at_s + _NOTICED_S + ran.schedule.block_s < end_s:
+            yield f"third reports a fault from {at_s:.3f} s on, and it was driven until {end_s:.3f} s"
 
 
 def contact_is_asked(world: World, ran: Ran) -> Iterator[str]:
@@ -344,5 +358,5 @@ LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
     samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
     own_watchdogs_are_armed, claims_are_waited_for, safe_comes_before_readings, contact_is_asked, holds_are_events,
-    witness_is_heard, is_driven, nobody_spins, who_stays_is_left,
+    witness_is_heard, is_driven, nobody_spins, who_stays_is_left, faults_end_a_run,
 )  # fmt: skip
