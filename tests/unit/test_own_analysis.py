@@ -341,3 +341,14 @@ def test_a_figure_has_the_digits_that_its_interval_leaves():
 def test_a_band_that_is_none_is_told(band):
     with pytest.raises(SettingError, match="% of the change; it must be above 0 and below 100"):
         hil.step_models(rise_s=0.5, settling_s=1.2, band=band)
+
+
+def test_steps_that_come_at_equal_times_beside_a_sine_are_none():
+    """The fit of a frequency runs away on some of them: periodic, but no sine."""
+    time_s = np.arange(400) / RATE_HZ
+    steps = np.repeat(np.random.default_rng(123).uniform(-80.0, 80.0, 30), 25)
+    command = np.concatenate((30.0 * np.sin(2.0 * np.pi * 2.0 * time_s), steps))
+    (found,) = hil.frequency_response(
+        made("both", command, 0.5 * command, 0.01), input="valve", output="flow"
+    ).responses
+    assert found.frequency_hz == pytest.approx([2.0], rel=1e-3)

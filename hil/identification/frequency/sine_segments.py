@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hil.errors import InputError
+from hil.errors import InputError, SettingError
 from hil.identification.frequency.criteria import CRITERIA, EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse, from_fits
 from hil.identification.uncertainty.noise import white_floor
@@ -237,7 +237,10 @@ def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Seg
     if stop - first < CRITERIA.fewest_samples:
         return None
     stamps = time_s[first:stop]
-    fit = sine_fit(stamps, part, frequency_of(stamps, part), harmonics=1)
+    try:
+        fit = sine_fit(stamps, part, frequency_of(stamps, part), harmonics=1)
+    except SettingError:  # the frequency ran away from what has none
+        return None
     if fit.residual_std > 0.1 * fit.amplitude or _stands(part) > _at_peak(part, fit):
         return None  # periodic, but no sine
     return Segment(fit.frequency_hz, first, stop - first, fit.amplitude, fit.offset)
