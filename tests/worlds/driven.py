@@ -30,6 +30,7 @@ _PYTHON = ("cannot access local variable", "is not defined", "has no attribute",
 _LOOKS_S = 0.1
 _IN_TIME_S = 0.005
 TELLS_LATE_S = 0.5  # on plain CAN nobody says that he restarted; one who obeys again sooner may only have told it late
+_FALLS_S = 0.3  # so long one that hears nothing holds its output there
 _NOTICED_S = 1.0  # so soon a device that restarted is noticed, once it is back
 _HOLDS_S = 2.5  # so long after a person asked for it a run is held: it ends what it plays
 _CLOCKS = {"sleep", "pause", "disk slow"}
@@ -230,7 +231,8 @@ def is_heard(world: World, ran: Ran) -> Iterator[str]:
 def is_no_restart(ran: Ran, fault: Fault) -> bool:
     """Whether nobody can tell it from a device that tells its state late."""
     on_plain_can = fault.device == "third" and ran.schedule.third == "driver"
-    return fault.kind == "restart" and on_plain_can and fault.lasts_s < TELLS_LATE_S
+    late_s = {"restart": TELLS_LATE_S, "deaf": TELLS_LATE_S + _FALLS_S}.get(fault.kind, 0.0)
+    return on_plain_can and fault.lasts_s < late_s
 
 
 def who_stays_is_left(world: World, ran: Ran) -> Iterator[str]:
