@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import numpy as np
-from hypothesis import given, settings
+import pytest
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from wire import Wire
 
 from hil.clock import VirtualClock
 from hil.daq.contract import Waveform
-from hil.errors import HilError
+from hil.errors import HilError, RangeError
 from hil.safety.envelope import Dwell, Envelope
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock
@@ -41,6 +42,16 @@ calls = st.lists(
     ),
     max_size=12,
 )
+
+
+moves = st.lists(
+    st.one_of(
+        st.tuples(st.just("play"), st.sampled_from([0.0, -5.0, 5.0, -9.0, 9.0]), st.integers(1, 30)),
+        st.tuples(st.just("stand"), st.just(0.0), st.integers(1, 20)),
+    ),
+    max_size=12,
+)
+dwells = st.lists(st.tuples(st.sampled_from([3.0, 8.0]), st.integers(5, 30)), max_size=3, unique=True)
 
 
 def act(guard: Guard, wire: Wire, clock: VirtualClock, call: tuple) -> None:
@@ -96,3 +107,29 @@ def test_nothing_outside_the_envelope_reaches_the_output(envelope, sequence, act
     check(wire.log["a"], envelope, ramp_per_s)
     assert wire.levels["a"] == 0.0
     assert not wire.log["b"] or {value for value, _ in wire.log["b"]} == {0.0}
+
+
+@given(dwells, dwells, moves)
+@example([(8.0, 20)], [(3.0, 5)], [("play", -5.0, 6)])
+def test_every_dwell_is_counted_sample_by_sample_whatever_came_before(stated, added, sequence):
+    """Ten samples a second; a level is played, or stood at. Dwells are those of the bench, and what tightens them."""
+    limits, more = (
+        Envelope(-10.0, 10.0, dwells=tuple(Dwell(at, most / 10.0) for at, most in own)) for own in (stated, added)
+    )
+    clock = VirtualClock()
+    guard = Guard(Wire(), Protection(10.0, {"a": limits}, block_s=0.1), clock=clock)
+    guard.tighten("a", more)
+    stands, beyond = 0.0, dict.fromkeys([*stated, *added], 0)
+    for what, level, count in sequence:
+        if what == "stand":
+            level = stands
+            clock.sleep_until(clock.now_s + count / 10.0)
+        beyond = {(at, most): n + count if abs(level) > at else 0 for (at, most), n in beyond.items()}
+        if what == "play":
+            is_too_long = any(n > most for (_, most), n in beyond.items())
+            with pytest.raises(RangeError, match="beyond") if is_too_long else nullcontext():
+                for _ in guard.play(Waveform(10.0, {"a": np.full(count, level)})):
+                    pass
+            if is_too_long:
+                return
+        stands = level
