@@ -59,7 +59,7 @@ unit = "V"
 """
 DEVICES = {
     "modbus": 'driver = "modbus"\nmodel = "wago-750"\naddress = "ADDRESS"\ntimeout_s = 1.0\nwatchdog_s = 1.5',
-    "scpi": 'driver = "scpi"\nmodel = "scanner"\naddress = "ADDRESS"\ntimeout_s = 1.0\nlongest_reply_s = 1.0',
+    "scpi": 'driver = "scpi"\nmodel = "scanner"\naddress = "ADDRESS"\ntimeout_s = 3.0\nlongest_reply_s = 3.0',
 }
 TERMINALS = {"modbus": ("ao0", "ao1", "ai0", "ai1"), "scpi": ("dac4", "dac5", "in1", "in2")}
 WIRED = {"command": "flow", "second": "wire of second"}

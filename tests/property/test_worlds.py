@@ -24,9 +24,8 @@ from hil.daq.link import Late
 from hil.daq.pin import Pin
 from hil.daq.polled import PolledDaq
 from hil.daq.polling import Pace, Taken
-from hil.record import folder
 from hil.record.durable import Syncer
-from hil.record.run_folder import run_writer
+from hil.record.run_folder import run_writer, samples
 from hil.record.run_folder.run_writer import RunWriter
 from hil.record.run_folder.samples import last_mark
 from hil.safety import outputs
@@ -345,7 +344,7 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     ),
     "samples_reach_the_disk": ([(Syncer, "written", lambda _syncer: None)], "7,0.05,plain,-|power:driving:3.3:0:"),
     "is_read_up_to_its_tear": (
-        [(folder, "last_mark", lambda path: (last_mark(path)[0], None))],
+        [(samples, "last_mark", lambda path: (last_mark(path)[0], None))],
         "9,0.05,plain,-|sector:driving:1:0:|kill:driving:3:0:",
     ),
     "events_have_their_time": (
