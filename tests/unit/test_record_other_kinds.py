@@ -61,6 +61,19 @@ class TestSpreadsheets:
         found = read_recording(sheet(tmp_path / "x.xlsx", ("Stamp", "u [V]", "y [bar]"), *rows))
         np.testing.assert_allclose(found.time_s, [row[0] for row in ROWS], atol=1e-6)
 
+    @pytest.mark.parametrize(("form", "shown"), [("0.00%", 100.0), ("General", 1.0)])
+    def test_a_column_in_percent_is_read_as_the_sheet_shows_it(self, tmp_path, form, shown):
+        path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [%]", "y"), *((t, u / 100.0, y) for t, u, y in ROWS))
+        openpyxl = pytest.importorskip("openpyxl")
+        book = openpyxl.load_workbook(path)
+        for column in "BC":
+            for cell in book.active[column][1:]:
+                cell.number_format = form
+        book.save(path)
+        found = read_recording(path)
+        np.testing.assert_allclose(found.values("u"), [shown * u / 100.0 for _, u, _ in ROWS], rtol=1e-15)
+        np.testing.assert_array_equal(found.values("y"), [y for _, _, y in ROWS])
+
     def test_the_sheet_with_the_most_rows_is_read_and_others_are_named(self, tmp_path):
         found = read_recording(sheet(tmp_path / "x.xlsx", HEAD[:2], *(r[:2] for r in ROWS), other=("a",)))
         assert any("not read: notes" in note for note in found.meta["assumed"])
