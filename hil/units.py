@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 # Spellings that benches and loggers use and pint does not know, or takes for something else.
 _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",
-              "US gpm": "gallon/minute", "lpm": "l/min", "LPM": "l/min", "psig": "psi", "psia": "psi", "PSI": "psi",
+              "US gpm": "gallon/minute", "US gal/min": "gallon/minute", "USGPM": "gallon/minute",
+              "cis": "inch**3/s", "CIS": "inch**3/s", "cim": "inch**3/min",
+              "lpm": "l/min", "LPM": "l/min", "psig": "psi", "psia": "psi", "PSI": "psi",
               "BAR": "bar", "barg": "bar", "bara": "bar", "bar(g)": "bar", "bar(a)": "bar", "counts": "count",
               "Nm": "N*m", "pct": "%", "%FS": "%", "% FS": "%", "l/mn": "l/min", "kg/cm^2": "kgf/cm^2",
               "kg/cm²": "kgf/cm^2", "deg C": "degC", "oC": "degC", "oF": "degF", "℃": "degC", "V DC": "V",

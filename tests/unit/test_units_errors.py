@@ -38,6 +38,8 @@ from hil.units import check_unit, convert, scale_and_offset
         (60.0, "1/min", "Hz", 1.0),
         (6.0, "deg/s", "rpm", 1.0),
         (2.0, "psig", "psi", 2.0),
+        (1.0, "US gal/min", "l/min", 3.785411784),
+        (1.0, "cis", "l/min", 0.98322384),
         (7.0, "l/min", "l/min", 7.0),
     ],
 )
