@@ -29,8 +29,9 @@ def autocovariance(segments: Sequence[Array], lags: int) -> Array:
 
 def yule_walker(covariance: Array, order: int) -> tuple[Array, float]:
     """The whitener of an order by autocovariances at lags from 0 on, and the variance that it leaves."""
-    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
-    weights = np.linalg.solve(covariance[lags], covariance[1 : order + 1])
+    from scipy.linalg import solve_toeplitz
+
+    weights = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
     return np.concatenate(([1.0], -weights)), float(covariance[0] - weights @ covariance[1 : order + 1])
 
 

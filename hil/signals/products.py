@@ -42,18 +42,14 @@ def triangular(parts: Iterable[Array]) -> Array:
     return reduce(lambda r, rows: cast(Array, np.linalg.qr(np.vstack([r, rows]), "r")), parts)
 
 
-def one_blas_thread(*, of_scipy: bool = True) -> AbstractContextManager[Any]:
-    """Keep BLAS to one thread meanwhile: fits multiply small matrices, in threads of their own.
-
-    `of_scipy`: scipy's too, which takes a fifth of a second to load, and what is not loaded cannot be found.
-    """
-    return cast(AbstractContextManager[Any], _libraries(of_scipy).limit(limits=1, user_api="blas"))
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """Keep BLAS to one thread meanwhile: fits multiply small matrices, in threads of their own."""
+    return cast(AbstractContextManager[Any], _libraries().limit(limits=1, user_api="blas"))
 
 
 @cache
-def _libraries(of_scipy: bool) -> ThreadpoolController:
-    """The BLAS of numpy, and that of scipy: looked for once, which takes longer than many a fit."""
-    if of_scipy:
-        import scipy.linalg  # noqa: F401
+def _libraries() -> ThreadpoolController:
+    """The BLAS of numpy and that of scipy: looked for once, which takes longer than many a fit."""
+    import scipy.linalg  # noqa: F401 # what is not loaded cannot be found
 
     return ThreadpoolController()

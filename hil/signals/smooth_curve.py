@@ -65,6 +65,8 @@ class Smoother:
         A whitener takes what was before the first sample for 0. `twice` smooths what the first curve leaves once more
         and adds it: corners stay sharper, noise counts more.
         """
+        from scipy.linalg import cholesky, eigh, solve_triangular
+
         knots = _knots(float(np.min(places)), float(np.max(places)), count)
         basis = _basis(places, knots)
         filter_ = np.ones(1) if whitener is None else whitener
@@ -74,10 +76,10 @@ class Smoother:
         penalty = rough.T @ rough
         scale = float(np.trace(normal)) / count
         # a coefficient that no sample hears is held by its neighbours alone
-        root = np.linalg.cholesky(normal / scale + _LEAST_HEARD * (penalty + np.eye(count)))
-        half = np.linalg.solve(root, penalty)
-        cost, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
-        turn = np.linalg.solve(root.T, vectors) / scale**0.5
+        root = cholesky(normal / scale + _LEAST_HEARD * (penalty + np.eye(count)), lower=True)
+        half = solve_triangular(root, penalty, lower=True)
+        cost, vectors = eigh(solve_triangular(root, half.T, lower=True))
+        turn = solve_triangular(root.T, vectors) / scale**0.5
         return cls(basis, filter_, weights, knots, places, heard, turn, np.maximum(cost, 0.0), twice)
 
     def curves(self, samples: Array) -> Curves:
@@ -130,19 +132,8 @@ def _knots(low: float, high: float, count: int) -> Array:
 
 
 def _basis(places: Array, knots: Array, degree: int = _DEGREE) -> Array:
-    """B-splines on even knots at places, shape (n, k); beyond them the end pieces go on (de Boor's recursion)."""
-    count = len(knots) - degree - 1
-    at = (places - knots[0]) / (knots[1] - knots[0])
-    piece = np.clip(np.floor(at).astype(np.int64), degree, count - 1)
-    along = at - piece
-    own = np.zeros((len(places), degree + 1))  # those that are not 0 there
-    own[:, 0] = 1.0
-    for d in range(1, degree + 1):
-        rises = (along[:, None] + np.arange(d - 1, -1, -1)) / d  # of each of the lower degree, over its support
-        lower = own[:, :d].copy()
-        own[:, 0] = 0.0
-        own[:, 1 : d + 1] = rises * lower
-        own[:, :d] += (1.0 - rises) * lower
-    found = np.zeros((len(places), count))
-    found[np.arange(len(places))[:, None], piece[:, None] - degree + np.arange(degree + 1)] = own
-    return found
+    """B-splines at places, shape (n, k)."""
+    from scipy.interpolate import BSpline
+
+    found = BSpline.design_matrix(places, knots, degree, extrapolate=True).toarray()
+    return np.asarray(found, dtype=np.float64)

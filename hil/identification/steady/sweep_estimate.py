@@ -151,7 +151,7 @@ def sweep_estimate(
     if not high > low:
         raise InputError(f"{name}: the command does not move; a flow curve needs a sweep")
     speeds = np.array([sweep.speed_per_s for sweep in sweeps])
-    with one_blas_thread(of_scipy=False):
+    with one_blas_thread():
         points = _points(name, sweeps, low, high, [waited_s] * len(sweeps))
         half, _, _ = _aligned(
             points, standing, speeds, np.zeros(len(speeds)), EFFORT.first_coefficients, EFFORT.near * (high - low)

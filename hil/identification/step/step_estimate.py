@@ -94,7 +94,7 @@ def measured_steps(
     for before, first, stop in zip([0, *edges], edges, [*edges[1:], len(recording)], strict=False):
         time_s = stamps_s[first:stop] - recording.time_s[first]
         step = _Step(time_s, output[first:stop], output[before:first], grid, level_std)
-        with one_blas_thread(of_scipy=False):
+        with one_blas_thread():
             made.append(_measured(step, float(command.values[first - 1]), float(command.values[first]), band))
     return tuple(made)
 
