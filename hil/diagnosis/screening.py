@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from hil.diagnosis.events.coarse import coarse_step
@@ -18,7 +18,6 @@ from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.plain import plain
-from hil.record.simulated import SIMULATED
 from hil.signals.products import one_blas_thread
 
 ScreeningVerdict = Literal["consistent", "changed", "unsure"]
@@ -45,17 +44,7 @@ class Screening:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        names = ("verdict", "z", "needed", "shows_as", "fit")
-        return plain({**{name: getattr(self, name) for name in names}, SIMULATED: self.simulated})
-
-    @classmethod
-    def of_dict(cls, kept: Mapping[str, Any]) -> Screening:
-        """The one that `as_dict` was made of.
-
-        Raises:
-            KeyError, TypeError: it is none.
-        """
-        return cls(**{name: kept[name] for name in cls.__dataclass_fields__})
+        return plain(asdict(self))
 
 
 def screen(model: Model, experiments: Sequence[Experiment]) -> tuple[Screening, tuple[Note, ...]]:

@@ -256,15 +256,15 @@ def _checked(model: Model, path: Path) -> Model:
         for one in sites[effect.key].effect.parameters:
             there = one.possible_at(definition.hook(effect.hook))
             place = f"{path}: effects.{effect.name}.{one.name}"
-            _possible(place, effect.parameters[one.name], replace(there, unit=model.resolved_unit(there.unit)))
+            _check_value(place, effect.parameters[one.name], replace(there, unit=model.resolved_unit(there.unit)))
     units = definition.units(model.input or _ANY, model.output or _ANY)
     for name, given in model.parameters.items():
-        _possible(f"{path}: parameters.{name}", given, replace(known[name], unit=units[name]))
+        _check_value(f"{path}: parameters.{name}", given, replace(known[name], unit=units[name]))
     missing = {name: Value(p.typical, units[name]) for name, p in known.items() if name not in model.parameters}
     return _with_unidentifiable(replace(model, parameters={**model.parameters, **missing}))
 
 
-def _possible(place: str, given: Value, parameter: Parameter) -> None:
+def _check_value(place: str, given: Value, parameter: Parameter) -> None:
     """Raises `FileError`: in another unit than the plant takes it, or a value that its equations cannot have."""
     if "any" not in parameter.unit and not _is_same(given.unit, parameter.unit):
         raise FileError(f"{place}: in '{given.unit}'; the plant takes it in '{parameter.unit}'")

@@ -67,7 +67,7 @@ def models_of_steps(
     Raises:
         InputError: no step, or a response that does not follow one. SettingError: a band that is none.
     """
-    _possible(band)
+    _check_band(band)
     response = None if beside is None else as_response([beside])
     names = channels_of(recording, input_name, output_name)
     found = measured_steps(_levels(measured_rows(recording, names)), *names, band=band)
@@ -82,13 +82,13 @@ def models_of_times(
     Raises:
         SettingError: one of them is not, or a band that is none.
     """
-    _possible(band)
+    _check_band(band)
     if rise_s is None or settling_s is None:
         raise SettingError(f"name a recording with steps, or say {option('rise', 'S')} and {option('settling', 'S')}")
     return step_models(rise_s, settling_s, None if beside is None else as_response([beside]), band=band)
 
 
-def _possible(band: float) -> None:
+def _check_band(band: float) -> None:
     if not 0.0 < band < 1.0:
         raise SettingError(f"{option('band')}: {100.0 * band:g} % of the change; it must be above 0 and below 100")
 

@@ -383,7 +383,7 @@ def _done_before(out: Path) -> dict[str, UnitAnswer]:
     for text in (out / DONE_FILE).read_text(encoding="utf-8").splitlines():
         with suppress(ValueError, TypeError, KeyError):  # broken off while it was written
             line = json.loads(text)
-            screened = Screening.of_dict(line["screening"]) if "screening" in line else None
+            screened = Screening(**line["screening"]) if "screening" in line else None
             folder = None if line["error"] or screened is not None else out / line["unit"]
             if folder is None or (folder / DIAGNOSIS_FILE).is_file():
                 found[line["stamp"]] = UnitAnswer(line["unit"], None, line["error"], (), folder, line["line"], screened)

@@ -80,7 +80,7 @@ def test_a_model_that_keeps_nothing_cannot_be_asked(lacking):
 
 def test_a_screening_is_read_as_it_was_written():
     made = Screening("unsure", 6.0, 5.5, "friction force", None, simulated=True)
-    assert Screening.of_dict(json.loads(json.dumps(made.as_dict()))) == made
+    assert Screening(**json.loads(json.dumps(made.as_dict()))) == made
 
 
 def test_units_that_were_driven_alike_share_what_the_library_changes_in_them(monkeypatch):
