@@ -154,8 +154,7 @@ def as_stated(as_of: Mapping[str, Sequence[str]], stated: Mapping[str, Sequence[
 # -- commands ----------------------------------------------------------------------------------------------
 
 
-READING = ("--time", "--interval", "--unit", "--rename", "--columns", "--gaps")
-COMMON = ("--input", "--output", "--archive", "--language", "--json")
+COMMON = ("--input", "--output", "--archive", "--language")
 COMMANDS = """\
 `hil COMMAND --help` says what each command and each option does, with units, defaults and limits. Results go to
 stdout; progress and errors to stderr: a bar on a terminal, plain lines otherwise. An error is one line that names the
@@ -174,17 +173,17 @@ file, field or value, what was found and what is allowed; `hil --debug COMMAND â
 included ([safety](../explanation/safety.md#what-is-known-of-an-output)).
 
 A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md). A *bench*
-is a [bench file](bench-file.md) or the name of an installed one. Where options say *reading*, the first six are
-meant: how a table of a stranger is read. `--json` prints the result for programs ([schemas](json.md)). It and the
-table's other options stand in the help of the commands that take them."""
+is a [bench file](bench-file.md) or the name of an installed one. Commands that take recordings also take [the options
+that say how a stranger's table is read](recordings.md#formats). `--json` prints the result for programs
+([schemas](json.md)). Other options that several commands take:"""
 
 
 def command_line() -> Iterator[str]:
-    """The page of the command line: what every command says about itself; a common option once."""
+    """The page of the command line: exit statuses, common options, what each command does."""
     yield from ("# The command line", "", NOTE, "", COMMANDS, "", "| option | |", "|---|---|")
     told = options(said("compare", "--help"))
-    yield from (f"| `{name}` | {told[name]} |" for name in (*READING, *COMMON[:-1]))
-    yield from ("", "Each command with what it does, and its own options:", "")
+    yield from (f"| `{name}` | {told[name]} |" for name in COMMON)
+    yield from ("", "## Commands", "")
     yield from command_rows("hil")
 
 
@@ -193,13 +192,10 @@ def command_rows(command: str) -> Iterator[str]:
     text = said(*command.split()[1:], "--help")
     usage, _, rest = text.partition("\n\n")
     group = text.partition("Commands:\n")[2]
-    named = [name for name in options(text) if name != "--help"]
-    if named or not group:
+    if options(text).keys() - {"--help"} or not group:
         taken = usage.partition(command)[2].replace("[OPTIONS]", "").split()
         does = " ".join(rest.partition("\n\n")[0].split())
-        own = [f"`{name}`" for name in named if name not in (*READING, *COMMON)]
-        reading = ["*reading*"] if set(READING) <= set(named) else []
-        yield f"- `{' '.join([command, *taken])}`: {' '.join([does, *own, *reading])}"
+        yield f"- `{' '.join([command, *taken])}`: {does}"
     for line in group.splitlines():
         if line[2:3] != " ":
             yield from command_rows(f"{command} {line.split()[0]}")

@@ -1,6 +1,6 @@
 """Recordings of others: none reaches outside its file, and none takes more memory or time than a recording needs.
 
-The table reader × (external file, link, entity, bomb, code) is in docs/reference/recordings.md.
+What each reader refuses is in docs/reference/recordings.md.
 """
 
 from __future__ import annotations
