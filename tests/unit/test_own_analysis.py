@@ -222,6 +222,18 @@ def test_a_sine_that_a_coarse_converter_rounds_is_one_and_a_clipped_one_is_not()
     assert not found_segments(time_s, np.clip(values, -4.5, 4.5))
 
 
+@pytest.mark.parametrize("held_s", [0.001, 0.01, 0.02])
+@pytest.mark.parametrize("digits", [1, 4, 12])
+@pytest.mark.parametrize("frequency_hz", [0.5, 0.73, 3.1])
+def test_a_sine_that_a_slower_controller_holds_is_one(held_s, digits, frequency_hz):
+    time_s = np.arange(10_000) / 1000.0
+    command = np.round(10.0 * np.sin(2.0 * np.pi * frequency_hz * held_s * np.floor(time_s / held_s + 1e-9)), digits)
+    (found,) = found_segments(time_s, command)
+    assert found.frequency_hz == pytest.approx(frequency_hz, rel=1e-4)
+    assert found.amplitude == pytest.approx(10.0 * np.sinc(frequency_hz * held_s), rel=1e-3)
+    assert not found_segments(time_s, np.clip(command, -9.0, 9.0))
+
+
 def test_the_command_that_knows_more_is_named():
     steps = np.repeat([0.0, 50.0, -20.0, 30.0], 200)
     noise = np.random.default_rng(1).standard_normal(800)

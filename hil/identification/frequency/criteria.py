@@ -15,7 +15,7 @@ class Criteria:
             amplitude within which levels are one test.
         moves: share of the amplitude by which a command moves in a quarter of a period, or it stands.
         turn_noises, turn_share: standard deviations, and share of the range, about the middle within which noise turns.
-        fewest_samples: of a sine.
+        fewest_samples: of a sine. `same_value`: share of its amplitude; closer values are one, calculated twice.
         floor: share of itself to which a response is believed at best: a held input's steps, stamps, converters.
         misfit: χ² per degree of freedom from which a form misses its lines.
         beyond: times the highest line, or that part of the lowest, at which a pole no longer shows in the band.
@@ -30,6 +30,7 @@ class Criteria:
     turn_noises: float = 5.0
     turn_share: float = 0.1
     fewest_samples: int = 16
+    same_value: float = 1e-6
     floor: float = 1e-5
     misfit: float = 2.0
     beyond: float = 10.0

@@ -193,7 +193,8 @@ def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment
     rises = np.flatnonzero(~above[:-1] & above[1:])  # the last passage before each counts
     up = start + crossed[np.searchsorted(crossed, rises, side="right") - 1]
     share = (middle - values[up]) / (values[up + 1] - values[up])
-    found = _of_equal_periods(time_s, values, time_s[up] + share * (time_s[up + 1] - time_s[up]))
+    came_s = time_s[np.maximum(up + 1 - int(np.median(_stands(part))), start)]  # a command may be held for samples
+    found = _of_equal_periods(time_s, values, came_s + share * (time_s[up + 1] - came_s))
     if found:
         rest = _between(found, start, stop)
     else:
@@ -241,21 +242,23 @@ def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Seg
         fit = sine_fit(stamps, part, frequency_of(stamps, part), harmonics=1)
     except SettingError:  # the frequency ran away from what has none
         return None
-    if fit.residual_std > 0.1 * fit.amplitude or _stands(part) > _at_peak(part, fit):
+    if fit.residual_std > 0.1 * fit.amplitude or _is_flat(part, fit):
         return None  # periodic, but no sine
     return Segment(fit.frequency_hz, first, stop - first, fit.amplitude, fit.offset)
 
 
-def _stands(part: Array) -> int:
-    """The most samples one after another that have one value."""
+def _stands(part: Array) -> Array:
+    """How many samples each value stands, one after another, shape (values,)."""
     changes = np.flatnonzero(np.diff(part) != 0.0)
-    return int(np.diff(np.concatenate(([-1], changes, [len(part) - 1]))).max())
+    return np.diff(np.concatenate(([-1], changes, [len(part) - 1])))
 
 
-def _at_peak(part: Array, fit: SineFit) -> float:
-    """The most samples of a rounded sine that have one value: those within a step of its peak."""
-    step = min(rounding_step(part) / fit.amplitude, 1.0)
-    return float(np.arccos(1.0 - step)) / np.pi * len(part) / fit.periods + 2.0
+def _is_flat(part: Array, fit: SineFit) -> bool:
+    """Whether a value stands for longer than at the peak of a sine that is rounded and held."""
+    stands, apart = _stands(part), np.diff(np.unique(part)) / fit.amplitude
+    step = float(np.min(apart, where=apart > CRITERIA.same_value, initial=1.0))
+    at_peak = np.arccos(1.0 - step) / np.pi * len(part) / fit.periods
+    return bool(stands.max() > at_peak + 2.0 * np.median(stands))
 
 
 def _settled(time_s: Array, output: Array, segment: Segment) -> Segment:
