@@ -8,6 +8,7 @@ import pytest
 from tests.studies.proof.cases.label import Label
 from tests.studies.proof.cases.truth import Truth
 from tests.studies.proof.score.bar import claims
+from tests.studies.proof.score.calibration import brier
 from tests.studies.proof.score.coverage import intervals
 from tests.studies.proof.score.gap import fit_percent, gap_closed, misfit_sigma
 from tests.studies.proof.score.judge import judge
@@ -152,7 +153,7 @@ def test_one_that_always_names_the_wrong_effect_misses_it():
     }
     assert missed == {
         "effect named first, full severity", "wrong names, full severity", "false alarms where nothing is concealed",
-        "out of library called unexplained", "pairs, both named", "parameter changes called so",
+        "out of library called unexplained", "pairs, both named", "parameter changes called so", "Brier score of names",
     }  # fmt: skip
 
 
@@ -162,6 +163,11 @@ def test_one_that_never_dares_to_name_is_right_only_where_no_name_exists():
     assert found["wrong names, full severity"] is True
     assert found["effect named first, full severity"] is False
     assert found["false alarms where nothing is concealed"] is False
+
+
+def test_a_name_said_with_nine_in_ten_costs_a_hundredth_where_right_and_eighty_one_where_wrong():
+    right, wrong = (scored(truth("friction", FRICTION), says("explained", name)) for name in ("friction", "leakage"))
+    assert brier([right, wrong]) == pytest.approx((0.01 + 0.81) / 2)
 
 
 def test_what_hardly_shows_is_tabulated_but_not_scored():

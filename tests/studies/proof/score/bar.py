@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tests.studies.rates import Rate
 
 from ..cases.label import NOTHING, PAIR, PARAMETER, THREE, TOGETHER
+from .calibration import brier
 from .judge import WRONG
 from .result import Result
 from .table import Row
@@ -38,6 +40,7 @@ def claims(results: Sequence[Result]) -> list[Claim]:
         _least("parameter changes called so", _right([r for r in seen if r.kind == PARAMETER]), 0.90),
         _gap(single),
         _coverage(seen),
+        _brier(seen),
         _time(seen),
     ]
 
@@ -66,6 +69,11 @@ def _coverage(seen: Sequence[Result]) -> Claim:
     held = Row("", tuple(seen), 0).held
     low, high = held.interval()
     return Claim("95 % intervals that hold the truth", str(held), "95 %", low <= 0.95 <= high if held.trials else None)
+
+
+def _brier(seen: Sequence[Result]) -> Claim:
+    found = brier(seen)
+    return Claim("Brier score of names", f"{found:.3f}", "≤ 0.031", None if math.isnan(found) else found <= 0.031)
 
 
 def _time(seen: Sequence[Result]) -> Claim:

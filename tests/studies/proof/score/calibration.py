@@ -35,17 +35,28 @@ class Band:
 
 
 def bands(results: Sequence[Result]) -> list[Band]:
-    """Return the names of all results by how likely they were said to be.
+    """Return the names of all results by how likely they were said to be."""
+    names = _said(results)
+    return [_band(low, high, names) for low, high in pairwise(BANDS)]
 
-    A name is right if that effect was concealed. Cases without listed effects count too (no name is right there).
+
+def brier(results: Sequence[Result]) -> float:
+    """Return the mean square of probability said minus 1 or 0, right or not; not a number without names."""
+    errors = [probability - right for probability, right in _said(results)]
+    return float(np.mean(np.square(errors))) if errors else float("nan")
+
+
+def _said(results: Sequence[Result]) -> list[tuple[float, bool]]:
+    """Return the probability of each name, and whether it is right: whether that effect was concealed.
+
+    Cases without listed effects count too (no name is right there).
     """
-    names = [
+    return [
         (probability, name in r.effects and r.kind != PARAMETER)
         for r in results
         if r.visible
         for name, probability in zip(r.named, r.probabilities, strict=True)
     ]
-    return [_band(low, high, names) for low, high in pairwise(BANDS)]
 
 
 def _band(low: float, high: float, names: Sequence[tuple[float, bool]]) -> Band:
