@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from hil.arrays import ROUNDING
 from hil.bench.check_channels import channel_faults, emergency_stop_faults, terminals_used_once
 from hil.bench.check_interlocks import interlock_faults, known_channel
 from hil.bench.device import DeviceInUse, mixes, model_path
@@ -65,7 +66,7 @@ def _valve_limits(draft: Draft) -> Iterator[Fault]:
 
 
 def _samples_in_a_block(draft: Draft) -> Iterator[Fault]:
-    if draft.sample_rate_hz is not None and draft.sample_rate_hz * draft.protection.block_s < 1.0 - 1e-9:
+    if draft.sample_rate_hz is not None and draft.sample_rate_hz * draft.protection.block_s < 1.0 - ROUNDING:
         yield Fault(
             ("protection", "block_s"),
             f"{draft.protection.block_s:g} s, but at sample_rate_hz = {draft.sample_rate_hz:g} a sample comes each "

@@ -7,12 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.daq.channel import OutputChannel
 from hil.daq.contract import Promises, Waveform
 from hil.errors import RangeError
 from hil.record.recording import Array
-
-ROUNDING = 1e-9  # share of a range, or of the largest step, that is rounding and not intent
 
 
 def coerced_rate(promises: Promises, asked_hz: float) -> float:
@@ -23,20 +22,20 @@ def coerced_rate(promises: Promises, asked_hz: float) -> float:
     """
     if not (math.isfinite(asked_hz) and asked_hz > 0.0):
         raise RangeError(f"sample rate {asked_hz:g} Hz: a positive number is needed")
-    if not promises.lowest_rate_hz <= asked_hz <= promises.highest_rate_hz * (1.0 + 1e-9):
+    if not promises.lowest_rate_hz <= asked_hz <= promises.highest_rate_hz * (1.0 + ROUNDING):
         raise RangeError(
             f"sample rate {asked_hz:g} Hz: the device offers {promises.lowest_rate_hz:g} … "
             f"{promises.highest_rate_hz:.4g} Hz{', as its link was measured' if promises.timing == 'polled' else ''}"
         )
     if promises.clock_hz is None:
         return asked_hz
-    fewest = math.ceil(promises.clock_hz / promises.highest_rate_hz - 1e-9)
+    fewest = math.ceil(promises.clock_hz / promises.highest_rate_hz - ROUNDING)
     return promises.clock_hz / max(fewest, round(promises.clock_hz / asked_hz))
 
 
 def check_waveform(waveform: Waveform, outputs: Mapping[str, OutputChannel], promises: Promises) -> None:
     """Raise `RangeError` unless a device with these outputs can play every sample."""
-    if not math.isclose(coerced_rate(promises, waveform.rate_hz), waveform.rate_hz, rel_tol=1e-9):
+    if not math.isclose(coerced_rate(promises, waveform.rate_hz), waveform.rate_hz, rel_tol=ROUNDING):
         raise RangeError(
             f"sample rate {waveform.rate_hz:g} Hz is none that the device has; ask for its actual rate first"
         )

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.findings.difference import by_name
 from hil.findings.results import Curve, FittedFunction, Results
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 
 SHARE = 0.01
 """How far a figure may be moved, as a share of its own expanded uncertainty: less than a page prints of it."""
-_ROUNDING = 1e-9  # of a figure without uncertainty: other processors add in another order
 _DRAWN = 1e-3  # of the height of a curve: the width of its line
 
 
@@ -65,7 +65,7 @@ def _freedom(value: Measured) -> float:
 def _near(one: float | None, other: float | None, allowed: float) -> bool:
     if one is None or other is None:
         return one is other
-    return abs(one - other) <= max(allowed, _ROUNDING * abs(other))
+    return abs(one - other) <= max(allowed, ROUNDING * abs(other))
 
 
 def _text(value: Measured | None) -> str:

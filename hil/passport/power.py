@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.cores import parallel_map
 from hil.errors import InputError
 from hil.language.note import Note
@@ -53,7 +54,6 @@ _SHOWN = 2  # of each limit, the most harmless first
 _SHARES = tuple(2.0**k for k in range(-8, 5, 2))
 _HALVINGS = 4  # of the logarithm between two of them: to 9 %
 _LARGER, _TRIES = 1.2, 4  # a size that fails more rarely than sought is made so much larger, so often
-_ROUNDING = 1e-9  # relative: two evaluations of the same samples agree better than that
 _BATCH = 8  # repeats, before it is asked whether more are of use
 # Of a transfer function only this value depends on the form. Where it has no limit the simplest is fitted: to choose
 # one takes longer than all else that is evaluated.
@@ -190,7 +190,7 @@ def _pieces(run: UnitRun, judge: _Judge, limits: Sequence[str]) -> Iterator[tupl
 
 
 def _is_same(one: float | None, other: float | None) -> bool:
-    return one is not None and other is not None and math.isclose(one, other, rel_tol=_ROUNDING)
+    return one is not None and other is not None and math.isclose(one, other, rel_tol=ROUNDING)
 
 
 _Fault: TypeAlias = "tuple[Term, tuple[float, ...]]"

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.daq.check import ROUNDING, within
+from hil.arrays import ROUNDING
+from hil.daq.check import within
 from hil.errors import RangeError
 from hil.record.recording import Array
 from hil.safety.lasting import lasting_s

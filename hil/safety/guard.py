@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks, joined
@@ -131,7 +132,7 @@ class Guard:
             RangeError: the device does not have it, or a block would be over before its first sample.
         """
         rate_hz = self._daq.actual_rate_hz(asked_hz)
-        if rate_hz * self._protection.block_s < 1.0 - 1e-9:
+        if rate_hz * self._protection.block_s < 1.0 - ROUNDING:
             raise RangeError(
                 f"sample rate {rate_hz:g} Hz: a sample each {1.0 / rate_hz:.4g} s, and block_s = "
                 f"{self._protection.block_s:g} s promises that inputs are judged more often"

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.clock import Clock
 from hil.daq.contract import Daq, Waveform
 from hil.errors import RangeError
@@ -82,6 +83,6 @@ class Limits:
         return {name: self._past_now(name, past, levels[name]).held_for(stood_s) for name, past in self._pasts.items()}
 
     def _past_now(self, name: str, past: Past, level: float) -> Past:
-        if math.isclose(level, past.value, rel_tol=1e-9, abs_tol=1e-9):
+        if math.isclose(level, past.value, rel_tol=ROUNDING, abs_tol=ROUNDING):
             return past
         return self._envelopes[name].start(level)  # a task was cut short

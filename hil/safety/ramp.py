@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.daq.contract import Waveform
 
 
@@ -46,4 +47,4 @@ def way_to(
 
 
 def _steps(distance: float, step: float) -> int:
-    return max(1, math.ceil(abs(distance) / step - 1e-9))
+    return max(1, math.ceil(abs(distance) / step - ROUNDING))

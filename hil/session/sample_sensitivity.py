@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.errors import InputError
 from hil.language.note import Note
 from hil.record.frozen import frozen_channels
@@ -21,7 +22,6 @@ from hil.record.recording import Recording
 _NOT_COMPARABLE = PopulationComparison(reason="it rests on samples that are no measurements")
 _EVENLY = 3.0**-0.5  # standard deviation of a moment anywhere within a time, in halves of that
 _MOSTLY = math.sqrt(2.0)  # a standard uncertainty that grows by more comes from what was added
-_ROUNDING = 1e-9  # relative: two evaluations of the same numbers agree better than that
 
 
 def measured_findings(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings:
@@ -146,11 +146,11 @@ def _is_same_result(one: Any, other: Any) -> bool:
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_is_same_result(one[key], other[key]) for key in one)
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.dtype.kind in "fc":
-        return one.shape == other.shape and bool(np.allclose(one, other, rtol=_ROUNDING, atol=0.0, equal_nan=True))
+        return one.shape == other.shape and bool(np.allclose(one, other, rtol=ROUNDING, atol=0.0, equal_nan=True))
     if _is_list(one) and _is_list(other):
         return len(one) == len(other) and all(_is_same_result(a, b) for a, b in zip(one, other, strict=True))
     if isinstance(one, float) and isinstance(other, float):
-        return math.isclose(one, other, rel_tol=_ROUNDING) or (math.isnan(one) and math.isnan(other))
+        return math.isclose(one, other, rel_tol=ROUNDING) or (math.isnan(one) and math.isnan(other))
     return type(one) is type(other) and bool(np.all(one == other))
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.arrays import Array, Complex, Integers
+from hil.arrays import ROUNDING, Array, Complex, Integers
 from hil.errors import SettingError
 
 
@@ -87,11 +87,11 @@ def odd_multisine(
             20 times the top frequency.
     """
     samples = round(rate_hz / base_hz)
-    if abs(samples * base_hz - rate_hz) > 1e-9 * rate_hz:
+    if abs(samples * base_hz - rate_hz) > ROUNDING * rate_hz:
         raise SettingError(f"base frequency {base_hz:g} Hz: one period must be whole samples at {rate_hz:g} Hz")
     if rate_hz < 20.0 * high_hz:
         raise SettingError(f"sample rate {rate_hz:g} Hz is below 20 × the top frequency {high_hz:g} Hz")
-    band = np.arange(math.ceil(low_hz / base_hz - 1e-9), math.floor(high_hz / base_hz + 1e-9) + 1)
+    band = np.arange(math.ceil(low_hz / base_hz - ROUNDING), math.floor(high_hz / base_hz + ROUNDING) + 1)
     odd = band[band % 2 == 1]
     rng = np.random.default_rng(seed)
     silent = _one_of_each(odd, group, rng)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.identification.frequency.criteria import CRITERIA, EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.language.note import Note
@@ -90,7 +91,7 @@ def reference_notes(response: FrequencyResponse, phase_90: Crossing) -> tuple[No
     if phase_90.frequency_hz is None:
         return ()
     allowed = _SHARE_OF_PHASE_90 * phase_90.frequency_hz
-    if used <= allowed * (1.0 + 1e-9):
+    if used <= allowed * (1.0 + ROUNDING):
         return ()
     note = Note(
         "reference at {used_hz:g} Hz is {share:.1f} % of the −90° frequency; the rule asks for {asked:g} % or less, "

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.preparation.experiment import DEAD, Experiment
 from hil.identification.preparation.gaps import bridged
@@ -21,8 +22,6 @@ from hil.physics.model import Model
 from hil.record.recording import Array, split_heading
 from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import marked
-
-_STILL = 1e-9  # of its size: what a simulation at rest moves by rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +156,7 @@ def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:
 
 def _lag(time_s: Array, measured: Array, simulated: Array) -> float | None:
     """The shift that makes the error orthogonal to the slope: first order, enough for a hint."""
-    if np.ptp(simulated) <= _STILL * float(np.abs(simulated).max()) or np.ptp(measured) == 0.0:
+    if np.ptp(simulated) <= ROUNDING * float(np.abs(simulated).max()) or np.ptp(measured) == 0.0:
         return None
     slope = np.gradient(simulated, time_s)
     late_s = float(slope @ (measured - simulated)) / float(slope @ slope)

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.cores import parallel_map
 from hil.identification.uncertainty.identifiability import Curvature, Identifiability, identifiability, products
 from hil.physics.plant import Parameter
@@ -17,7 +18,6 @@ from hil.signals.colour import colour_factor
 
 _RELATIVE_STEP = 1e-3
 _FIRST_DAMPING = 1e-3
-_STILL = 1e-9
 # Slopes are carried on by secants while a step brings at least this share of what they promised.
 _AS_PROMISED = 0.5
 
@@ -164,7 +164,7 @@ def estimate(
     while True:
         moved = np.clip(values + _damped_step(slopes, r, values, low, high, scale, damping), low, high)
         step = (moved - values) / scale
-        still = bool(np.all(np.abs(step) <= _STILL))
+        still = bool(np.all(np.abs(step) <= ROUNDING))
         new = r if still else residuals(moved)
         evaluations += not secants
         foretold = r + slopes @ (moved - values)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.identification.preparation.criteria import CRITERIA
 from hil.record.recording import Array, Recording
 
@@ -85,7 +86,7 @@ def _outputs(recording: Recording) -> dict[str, Mapping[str, Any]]:
 def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:
     if not float(how.get("dither_amplitude", 0.0)) > 0.0 or "dither_hz" not in how or not recording.is_even():
         return False
-    return CRITERIA.carried * float(how["dither_hz"]) * recording.interval_s <= 1.0 + 1e-9
+    return CRITERIA.carried * float(how["dither_hz"]) * recording.interval_s <= 1.0 + ROUNDING
 
 
 def _applied_input(command: Array, how: Mapping[str, Any], wave: Array | None = None) -> Array:

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.identification.preparation.averaged import means
 from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import OUTPUT, Experiment, Sine
@@ -75,7 +76,7 @@ class _Fold:
     def _places(self) -> tuple[Array, Array]:
         """The instants of the first period, and of the others, between samples; those before them, and how far."""
         at = self.first + np.arange(round(self.period)) + self.period * np.arange(1 + self.more)[:, None]
-        before = np.floor(at + 1e-9)
+        before = np.floor(at + ROUNDING)
         return before, at - before
 
     def periods(self, values: Array) -> Array:

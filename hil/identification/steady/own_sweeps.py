@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.errors import InputError
 from hil.identification.steady.criteria import CRITERIA
 from hil.identification.steady.sweep_estimate import Standing, Sweep, settled
@@ -126,7 +127,7 @@ def _moving(time_s: Array, command: Array, first: int, last: int, span: float) -
     ):
         return None
     ends_s = np.sort((np.array([part[0], part[-1]]) - level) / slope)
-    begin, end = np.searchsorted(time_s, ends_s + np.array([-1e-9, 1e-9]) * np.ptp(ends_s))
+    begin, end = np.searchsorted(time_s, ends_s + np.array([-ROUNDING, ROUNDING]) * np.ptp(ends_s))
     return Branch(max(int(begin), first), min(int(end), last + 1), float(slope))
 
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.record.recording import Array
 
 VERY_STRONG = 10.0  # difference of BIC from which the evidence against a model is called very strong
 EXCLUDED = 0.05  # share of the evidence below which a model is excluded, as an interval of 95 % excludes a value
 EXCLUDED_BIC = -2.0 * math.log(EXCLUDED)  # difference of BIC that leaves this share
 _NEGLIGIBLE = 0.01
-_ROUNDED = 1.0 + 1e-9
 
 
 def bic_of_known_noise(chi2: float, count: float, unknowns: float) -> float:
@@ -49,4 +49,4 @@ def simplest_good(
 def _as_good(error: Array, best: Array, standard_errors: float) -> bool:
     excess = np.where(np.abs(error - best) > _NEGLIGIBLE * best, error - best, 0.0)
     doubt = float(excess.std(ddof=1)) / math.sqrt(len(excess)) if len(excess) > 1 else math.inf
-    return float(excess.mean()) <= max(standard_errors * doubt * _ROUNDED, _NEGLIGIBLE * float(best.mean()))
+    return float(excess.mean()) <= max(standard_errors * doubt * (1.0 + ROUNDING), _NEGLIGIBLE * float(best.mean()))

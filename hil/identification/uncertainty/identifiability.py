@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.arrays import ROUNDING
 from hil.record.recording import Array, Mask
 from hil.signals.interval import UNIFORM
 
 # Slopes from differences over a thousandth of a value's scale are good to this share of themselves: the square of that
 # step over the sixth part of the square of a scale that is a tenth as long, and what simulations round.
 _SLOPES_GOOD_TO = 1e-4
-_ROUNDING = 1e-9
 _SHARE_OF_OWN = 0.5  # of a value's own uncertainty: less from another that is not identifiable is no confounding
 # Where so little of a slope is left, a move is tried; it belies the slopes when it costs less than this share.
 _DOUBTFUL, _FAR_LESS = 0.03, 0.25
@@ -68,7 +68,7 @@ class Identifiability:
     @property
     def is_unidentifiable(self) -> Mask:
         """Which values are known no better than by their bounds, shape (k,)."""
-        return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * UNIFORM * self.widths)
+        return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - ROUNDING) * UNIFORM * self.widths)
 
     @property
     def is_shared_beyond_noise(self) -> Mask:

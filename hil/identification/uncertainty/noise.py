@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.identification.uncertainty.fit import rms
 from hil.physics.model import Noise
 from hil.record.recording import Array
@@ -18,7 +19,6 @@ MEDIAN_SHARE = 0.6745  # of the standard deviation of normal noise, that half of
 _LONGEST_MEMORY = 8
 # Noise is called coloured only when a longer memory makes this much of its variance predictable.
 _TELLING_SHARE = 0.01
-_WHITE_SHARE = 1e-9
 # Samples after which noise is forgotten, and times that what means take of it is put back.
 _TAIL, _MEANS = 4096, 4
 # Standard uncertainty of the floor of white noise, a median of fourth differences, times √n.
@@ -90,7 +90,7 @@ def _grouped_median(sizes: Array, step: float) -> float:
 def resolution(values: Array) -> float:
     """The smallest step between two samples, beyond rounding; 0 for a channel that stands still."""
     steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
+    steps = steps[steps > ROUNDING * max(float(np.ptp(values)), 1e-300)]
     return float(steps.min()) if steps.size else 0.0
 
 
@@ -138,7 +138,7 @@ def noise_of(segments: Sequence[Array], interval_s: float) -> Noise:
 def _predictor(correlation: Array) -> tuple[float, ...]:
     """a_1 … a_p of autocorrelations at lags from 0 on."""
     known = correlation.copy()
-    known[0] *= 1.0 + _WHITE_SHARE  # residuals may be so smooth that they predict themselves
+    known[0] *= 1.0 + ROUNDING  # residuals may be so smooth that they predict themselves
     best: tuple[float, ...] = ()
     left = known[0]
     for order in range(1, _LONGEST_MEMORY + 1):
