@@ -11,7 +11,7 @@ import numpy as np
 
 from hil.findings.results import Curve, Results
 from hil.language.words import _, marked
-from hil.report.figure import SERIES, WIDTH_IN, along, legend_above, thinned
+from hil.report.figure import DASHES, SERIES, WIDTH_IN, along, legend_above, thinned
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_PICTURES, _MOST_LINES = 6, 8
-_DASHES = ("-", "--", ":", "-.")
 _KINDS = (marked("steps"), marked("responses"), marked("large sines"), marked("flow curve"), marked("drift"))
 _ABSCISSAE = (marked("time"), marked("frequency"), marked("command"))
 _BESIDE = ("overlays", "model")
@@ -94,5 +93,5 @@ def _lines(axes: Axes, curves: Sequence[Curve], unit: str) -> None:
             label = ", ".join(filter(None, (_(column.name) if len(columns) > 1 else "", place))) or _(column.name)
             look = (i, k) if len(curves) > 1 else (k, 0)
             x, y = (curve.array(name) for name in (curve.columns[0].name, column.name))
-            axes.plot(*thinned(x, y), color=SERIES[look[0] % len(SERIES)], ls=_DASHES[look[1] % len(_DASHES)], lw=0.8,
+            axes.plot(*thinned(x, y), color=SERIES[look[0] % len(SERIES)], ls=DASHES[look[1] % len(DASHES)], lw=0.8,
                       label=label)  # fmt: skip

@@ -55,7 +55,7 @@ def pressure_gain_section(curves: Sequence[Curve]) -> Section:
 
     x, y = (_("command"), "command_unit"), (_("load pressure [% of supply]"), "")
     caption = _("Ports A and B are blocked. Shaded: where the gain is read.")
-    picture = small_multiples("pressure-gain", curves[:1], 1, draw, x, y, caption)
+    picture = small_multiples("pressure-gain", curves[:1], draw, x, y, caption)
     return Section(_("Pressure gain"), figures=(picture,))
 
 
@@ -67,7 +67,7 @@ def internal_leakage_section(curves: Sequence[Curve]) -> Section:
 
     x, y = (_("command"), "command_unit"), (_("leakage"), "response_unit")
     caption = _("Flow from supply to tank with ports A and B blocked; between the branches of each sweep.")
-    picture = small_multiples("internal-leakage", curves, 2, draw, x, y, caption)
+    picture = small_multiples("internal-leakage", curves, draw, x, y, caption)
     return Section(_("Internal leakage"), figures=(picture,))
 
 
@@ -82,7 +82,7 @@ def flow_over_pressure_drop_section(curves: Sequence[Curve]) -> Section:
 
     x, y = (_("valve pressure drop"), "drop_unit"), (_("flow"), "response_unit")
     caption = _("Each point is the steady flow at one supply pressure.")
-    picture = small_multiples("flow-pressure-drop", curves, 2, draw, x, y, caption)
+    picture = small_multiples("flow-pressure-drop", curves, draw, x, y, caption)
     return Section(_("Flow over pressure drop"), figures=(picture,))
 
 
@@ -137,7 +137,7 @@ def load_step_section(curves: Sequence[Curve]) -> Section:
 
     x, y = (_("time after the step [ms]"), ""), (_("response"), "response_unit")
     caption = _("Mean of the repeats. Dotted: before the step; dashed: the final value.")
-    return Section(_("Load step"), figures=(small_multiples("load-step", curves, 2, draw, x, y, caption),))
+    return Section(_("Load step"), figures=(small_multiples("load-step", curves, draw, x, y, caption),))
 
 
 def null_shift_section(curves: Sequence[Curve]) -> Section:
@@ -152,4 +152,4 @@ def null_shift_section(curves: Sequence[Curve]) -> Section:
 
     x, y = (_("condition"), ""), (_("null"), "response_unit")
     caption = _("Each null is that of a whole sweep. U is without the calibration, which moves all nulls alike.")
-    return Section(_("Null shift"), figures=(small_multiples("null-shift", curves, 3, draw, x, y, caption),))
+    return Section(_("Null shift"), figures=(small_multiples("null-shift", curves, draw, x, y, caption),))

@@ -15,7 +15,7 @@ from hil.findings.results import Curve, Results
 from hil.language.words import _
 from hil.record.measurement import Measured
 from hil.report import results
-from hil.report.figure import DASHES, SERIES, Picture, along, drawn, legend_above, thinned
+from hil.report.figure import DASHES, MOST_DRAWN, SERIES, Picture, along, drawn, legend_above, thinned
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words, value_words
 from hil.report.number import number, with_std
@@ -25,7 +25,6 @@ from hil.report.section import Section, Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MOST_CURVES = 12
 _LEAST_CHANCE = 1e-6  # a smaller one is a statement about the tail of a distribution, not about a valve
 _FEW = 20  # points that come in no order are single ones, not a line
 
@@ -139,7 +138,7 @@ def _chance(one: Difference) -> str:
 def _overlays(first: Results, second: Results) -> Iterator[Section]:
     by_name = {curve.name: curve for curve in second.curves}
     pairs = [(curve, by_name[curve.name]) for curve in first.curves if curve.name in by_name]
-    pictures = [picture for a, b in pairs[:_MOST_CURVES] if (picture := _overlay(a, b, first.run, second.run))]
+    pictures = [picture for a, b in pairs[:MOST_DRAWN] if (picture := _overlay(a, b, first.run, second.run))]
     if pictures:
         yield Section(_("Curves"), figures=tuple(pictures))
 

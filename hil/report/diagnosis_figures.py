@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.diagnosis.diagnosis import Spectrum, Strip
 from hil.diagnosis.evidence.locate import StageShare, Where
 from hil.language.words import _, marked
@@ -15,8 +16,11 @@ from hil.report.figure import (
     AMBER,
     BLUE,
     FAINT,
+    FITTED,
     GREEN,
     INK,
+    MEASURED,
+    MOST_DRAWN,
     RED,
     SOFT,
     Picture,
@@ -32,13 +36,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BLOCKS = 240
-_MOST_STRIPS = 8
 _ZOOM_SHARE = 0.1
 _ZOOM_LEAST = 200  # samples
 _WIDE = 4.0  # noise standard deviations that a residual axis shows at least
 _EVERYWHERE = 0.85  # of a recording: beyond this share, shading says nothing
-_BEFORE: dict[str, Any] = {"color": RED, "lw": 1.1, "ls": (0, (5, 1.6))}
-_AFTER: dict[str, Any] = {"color": BLUE, "lw": 1.1, "ls": "-"}
+_AFTER = FITTED
+_BEFORE = {**FITTED, "color": RED, "ls": "--"}
 _PALE = "#eb9b62"  # the nominal model where lines lie too close for dashes; lighter than the other in grey, too
 _BEFORE_NAME, _AFTER_NAME = marked("nominal model"), marked("corrected model")
 
@@ -98,7 +101,7 @@ def worst_interval(strip: Strip) -> tuple[int, int]:
 
 def time_strips(strips: Sequence[Strip], where: Where | None, *, corrected: bool) -> Picture:
     """How far off each recording is along its time, before and after."""
-    shown = strips[:_MOST_STRIPS]
+    shown = strips[:MOST_DRAWN]
 
     def draw(figure: Figure) -> None:
         rows = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
@@ -211,9 +214,7 @@ def stage_curves(stages: Sequence[StageShare]) -> Picture:
             unit = f" [{s.unit}]" if s.unit and s.unit != "1" else ""
             axes.axhline(0.0, color=SOFT, lw=0.7)
             axes.plot(s.level, s.rising, marker="^", label=_("rising"), color=BLUE)
-            axes.plot(
-                s.level, s.falling, marker="v", ls=(0, (5, 1.6)), label=_("falling"), color=RED, markerfacecolor="white"
-            )
+            axes.plot(s.level, s.falling, marker="v", ls="--", label=_("falling"), color=RED, markerfacecolor="white")
             axes.set_title(f"{s.hook} ({s.stage}): {100 * s.share:.0f} %")
             axes.set_xlabel(_("value there") + unit)
             axes.set_ylabel(_("added there") + unit)
@@ -228,7 +229,7 @@ def stage_curves(stages: Sequence[StageShare]) -> Picture:
 
 def _overlay(axes: Axes, strip: Strip, output: str, *, corrected: bool) -> None:
     name, unit = split_heading(output) if "[" in output else (output, "")
-    axes.plot(*thinned(strip.time_s, strip.measured), color="#8b949e", lw=2.0, label=_("recording"))
+    axes.plot(*thinned(strip.time_s, strip.measured), label=_("recording"), **MEASURED)
     axes.plot(*thinned(strip.time_s, strip.nominal), label=_(_BEFORE_NAME), **_BEFORE)
     if corrected:
         axes.plot(*thinned(strip.time_s, strip.corrected), label=_(_AFTER_NAME), **_AFTER)
@@ -273,7 +274,7 @@ def _levels(strip: Strip) -> tuple[Array, Array, Array]:
 
 def _envelope(frequency_hz: Array, amplitude: Array) -> tuple[Array, Array, Array]:
     """(frequency, largest amplitude, number of lines) of 500 narrow bands, evenly spread over the logarithm."""
-    bands = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), 501)
+    bands = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + ROUNDING), 501)
     starts = np.unique(np.searchsorted(frequency_hz, bands[:-1]))
     starts = starts[starts < len(frequency_hz)]
     largest = np.maximum.reduceat(amplitude, starts)

@@ -9,6 +9,7 @@ from typing import Any
 from hil.diagnosis.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
 from hil.diagnosis.evidence.coverage import Limit
 from hil.diagnosis.evidence.locate import Where
+from hil.diagnosis.thresholds import LISTED
 from hil.language.note import translated
 from hil.language.words import _
 from hil.report.equation import equation_lines
@@ -17,7 +18,6 @@ from hil.report.number import MINUS, fixed, grouped, number, rounded, unit_text,
 from hil.report.section import Table
 from hil.signals.interval import COVERED
 
-_MOST_CANDIDATES = 12
 _LEAST_GAP = 0.5  # points of fit: a smaller gap is mostly chance, and no share of it is stated
 
 
@@ -122,7 +122,7 @@ def candidate_rows(
             "share": max(0.0, min(1.0, c.evidence / most)) if most > 0.0 else 0.0,
             "probability": _probability(c.probability), "named": c.name in marked,
         }
-        for c in candidates[:_MOST_CANDIDATES]
+        for c in candidates[:LISTED]
     ]  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.language.words import _
 from hil.record.recording import Array
 from hil.report.field import Curve, label_of, needed, unit_of
@@ -28,9 +29,7 @@ if TYPE_CHECKING:
 INK, SOFT, GRID, FAINT = "#1b1f24", "#59626d", "#e3e6ea", "#eef0f3"
 BLUE, RED, GREEN, AMBER, SKY, PINK = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#56b4e9", "#a8578a"
 SERIES = (BLUE, RED, GREEN, PINK, AMBER, SKY, INK)
-DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
-    "-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (7, 1.6, 1.2, 1.6)), (0, (3, 2.5)), "-", (0, (5, 1.6)),
-)  # fmt: skip
+DASHES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 # What is drawn alike on every page: samples, what was fitted to them and leaves what, the command, a level to read at.
@@ -42,14 +41,16 @@ BAND: Mapping[str, Any] = {"alpha": 0.15, "lw": 0.0}  # of an uncertainty
 LEVEL: Mapping[str, Any] = {"color": SOFT, "lw": 0.8, "ls": ":"}
 
 WIDTH_IN = 8.4
-_NARROW_COLUMNS = 3  # so many drawings beside each other are lower than fewer
+POINTS = 400  # of a drawn function
+MOST_DRAWN = 12  # curves of one kind that a page draws
+_FEW = 4  # drawings that stand two beside each other; more of them three, and lower
 _COLUMNS = 900  # of a drawing of the page's width: more samples are drawn as the span of each column
 
-_TICKS = {"color": SOFT, "labelcolor": INK, "labelsize": 8, "major.width": 0.7, "minor.width": 0.5, "major.size": 3}
+_TICKS = {"color": SOFT, "labelcolor": INK, "labelsize": 8}
 _STYLE = {
     "svg.fonttype": "none", "text.parse_math": False, "font.family": "DejaVu Sans", "font.size": 8.5,
     "axes.titlesize": "medium", "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titley": 1.0,
-    "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
+    "axes.labelcolor": INK, "axes.edgecolor": SOFT,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "axes.formatter.useoffset": False, "grid.color": GRID, "grid.linewidth": 0.6, "text.color": INK,
     "lines.linewidth": 1.3, "lines.markersize": 3.6, "errorbar.capsize": 1.6,
@@ -58,7 +59,6 @@ _STYLE = {
 } | {f"{axis}tick.{key}": value for axis in "xy" for key, value in _TICKS.items()}  # fmt: skip
 _ABOUT = {"left": 0.05, "right": 0.99, "bottom": 0.08, "top": 0.94, "wspace": 0.08, "hspace": 0.2}
 _SIDE_PT, _EDGE_PT, _BETWEEN = 3.0, 4.32, 0.02  # beside and above every drawing; share of the page between columns
-_EDGE = 1e-9  # of what is in view: so near its edge a tick is in it
 _FONT = "'Helvetica Neue',Helvetica,Arial,'Liberation Sans',sans-serif"
 
 
@@ -153,7 +153,7 @@ def _keep_ticks(axis: Axis) -> None:
     from matplotlib.ticker import FixedLocator
 
     low, high = np.sort(axis.get_view_interval())
-    edge = _EDGE * (high - low)
+    edge = ROUNDING * (high - low)
     for found, keep in (
         (axis.get_majorticklocs(), axis.set_major_locator), (axis.get_minorticklocs(), axis.set_minor_locator),
     ):  # fmt: skip
@@ -163,29 +163,25 @@ def _keep_ticks(axis: Axis) -> None:
 def small_multiples(
     name: str,
     curves: Sequence[Curve],
-    columns: int,
     draw_one: Callable[[Axes, Curve], None],
     x: tuple[str, str],
     y: tuple[str, str],
     caption: str,
-    most: int = 6,
 ) -> Picture:
     """A drawing of each curve, beside and below each other, with one legend over all of them.
 
     Args:
         name: unlike any other on the page.
-        curves: that are drawn.
-        columns: beside each other, at most.
+        curves: that are drawn; the caption says how many more there are than a page draws.
         draw_one: draws one, whose label stands over it.
         x: what its x axis says, below the lowest of each column, and the key of its unit.
         y: likewise of the y axis, at the left.
         caption: below the picture.
-        most: curves that are drawn; the caption says how many are not.
     """
-    shown = curves[:most]
-    if len(curves) > most:
-        caption += " " + _("{n} more are not drawn.").format(n=len(curves) - most)
-    columns = min(columns, len(shown))
+    shown = curves[:MOST_DRAWN]
+    if len(curves) > MOST_DRAWN:
+        caption += " " + _("{n} more are not drawn.").format(n=len(curves) - MOST_DRAWN)
+    columns = min(2 if len(shown) <= _FEW else 3, len(shown))
     rows = -(-len(shown) // columns)
 
     def draw(figure: Figure) -> None:
@@ -201,7 +197,7 @@ def small_multiples(
             axes.set_visible(False)
         legend_on_top(grid[0])
 
-    return drawn(name, 0.5 + (2.3 if columns < _NARROW_COLUMNS else 1.75) * rows, draw, caption)
+    return drawn(name, 0.5 + (2.3 if len(shown) <= _FEW else 1.75) * rows, draw, caption)
 
 
 def thinned(x: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from hil.physics.model import Model, Value
 from hil.physics.plants.transfer_function import PLANT as LINEAR
 from hil.physics.transfer_function import from_parameters
 from hil.record.table.response_table import ResponseTable
-from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, Picture, drawn, legend_on_top, thinned
+from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, POINTS, Picture, drawn, legend_on_top, thinned
 from hil.report.name import short_name
 from hil.report.number import note_text, number, with_std
 from hil.report.page import page, write_page
@@ -27,8 +27,6 @@ from hil.signals.decibel import PER_NEPER, decibels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_LINE = 400  # points of a drawn transfer function
 
 
 @page
@@ -103,7 +101,7 @@ def _table(model: Model, table: ResponseTable, k: int) -> Picture:
 
 
 def _modelled(model: Model, table: ResponseTable) -> dict[str, Any]:
-    f = np.geomspace(table.frequency_hz[0], table.frequency_hz[-1], _LINE)
+    f = np.geomspace(table.frequency_hz[0], table.frequency_hz[-1], POINTS)
     found = _in_db_and_deg(from_parameters(model.values).at(f))
     first = float(np.degrees(np.unwrap(np.angle(table.response)))[0])
     turns = np.round((first - float(found["phase_deg"][0])) / 360.0)

@@ -21,9 +21,7 @@ STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
 THRESHOLD_NEEDED = ("command", "measured")
 TREND_NEEDED = ("cycle", "measured", "std")
 DRIFT_NEEDED = ("time_s", "position", "fitted")
-_MOST = 12
 _MOST_DOTS = 50
-_COLUMNS = 3
 _ROOM = 0.08  # of what is shown, above and below it
 
 
@@ -55,7 +53,7 @@ def threshold_section(curves: Sequence[Curve]) -> Section:
 
     caption = _("Change of the response since a stop, mean of both directions and all repeats; its delay is taken out.")
     x, y = (_("change of command"), "command_unit"), (_("change of response"), "response_unit")
-    return Section(_("Threshold"), figures=(small_multiples("threshold", curves, 2, draw, x, y, caption, _MOST),))
+    return Section(_("Threshold"), figures=(small_multiples("threshold", curves, draw, x, y, caption),))
 
 
 def trend_section(curves: Sequence[Curve]) -> Section:
@@ -68,7 +66,7 @@ def trend_section(curves: Sequence[Curve]) -> Section:
         titled(axes, label_of(curve) + unit_of(curve, "response_unit"))
 
     caption = _("Means of blocks of cycles; shaded, one standard deviation of the single cycles.")
-    picture = small_multiples("trend", curves, 2, draw, (_("cycle"), ""), ("", ""), caption, _MOST)
+    picture = small_multiples("trend", curves, draw, (_("cycle"), ""), ("", ""), caption)
     return Section(_("Trend"), figures=(picture,))
 
 
@@ -84,7 +82,7 @@ def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) ->
         line(axes, curve, "time_s", "fitted", {**FITTED, "ls": "--"}, _("fitted line"))
 
     x, y = (_("time [s]"), ""), (_("position"), "response_unit")
-    return small_multiples(name, curves, _COLUMNS, draw, x, y, caption, _MOST)
+    return small_multiples(name, curves, draw, x, y, caption)
 
 
 def _span(time_s: Array, measured: Array, fitted: Array, from_s: float, to_s: float) -> tuple[float, float]:

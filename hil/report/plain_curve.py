@@ -10,7 +10,7 @@ import numpy as np
 from hil.findings.curves import curves_of, mappings_of
 from hil.findings.results import Curve
 from hil.language.words import _
-from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, thinned
+from hil.report.figure import DASHES, MOST_DRAWN, SERIES, Picture, drawn, legend_above, thinned
 from hil.report.name import capital, picture_name, words
 from hil.report.number import number
 from hil.report.section import Section, Table
@@ -18,13 +18,12 @@ from hil.report.section import Section, Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MOST_PICTURES = 12
 _MOST_ROWS = 60
 
 
 def plain_section(name: str, curve: Any) -> Section:
     """The arrays of whatever mappings a procedure hands over, drawn; their numbers and texts in a table."""
-    pictures = tuple(_picture(name, one) for one in curves_of({name: curve})[:_MOST_PICTURES])
+    pictures = tuple(_picture(name, one) for one in curves_of({name: curve})[:MOST_DRAWN])
     rows = [row for own, mapping in mappings_of({name: curve}) for row in _rows(_label(name, own), mapping)]
     tables = (Table("", (_("Quantity"), _("Value")), tuple(rows[:_MOST_ROWS])),) if rows else ()
     return Section(capital(words(name)), figures=pictures, tables=tables)

@@ -20,6 +20,7 @@ from hil.report.figure import (
     LEVEL,
     MARKERS,
     MEASURED,
+    MOST_DRAWN,
     RED,
     SERIES,
     SOFT,
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 
 NEEDED = ("frequency_hz", "magnitude_db", "phase_deg")
 _SIDE_BY_SIDE = 2
-_MOST_OVERLAY_ROWS = 8
 _DISTORTED_PERCENT = 5.0
 _BELOW_NOISE_DB = 15.0
 _SMALL = 200  # columns of a drawing a third as wide as the page
@@ -125,7 +125,7 @@ def _response(axes: Axes, curve: Curve, key: str, std_key: str, k: int) -> None:
 
 def _model_line(axes: Axes, model: Curve, key: str, std_key: str, color: str, k: int) -> None:
     f, y, std = needed(model, "frequency_hz"), needed(model, key), array(model, std_key)
-    axes.plot(f, y, color=color, ls=DASHES[k % len(DASHES)], lw=1.0)  # type: ignore[arg-type]
+    axes.plot(f, y, color=color, ls=DASHES[k % len(DASHES)], lw=1.0)
     if std is not None:
         axes.fill_between(f, y - COVERED * std, y + COVERED * std, color=color, **BAND)
 
@@ -197,7 +197,7 @@ def _least_level(curves: Sequence[Curve]) -> float | None:
 
 def _overlays(curves: Sequence[Curve]) -> list[Picture]:
     """Sine fits over the samples that they were fitted to."""
-    rows = [c for c in curves if c.get("overlays")][:_MOST_OVERLAY_ROWS]
+    rows = [c for c in curves if c.get("overlays")][:MOST_DRAWN]
     if not rows:
         return []
     columns = max(len(c["overlays"]) for c in rows)

@@ -19,6 +19,8 @@ from hil.report.figure import (
     INK,
     LEVEL,
     MEASURED,
+    MOST_DRAWN,
+    POINTS,
     SERIES,
     Picture,
     drawn,
@@ -37,15 +39,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NEEDED = ("time_s", "measured", "start", "final")
-_FEW = 4  # steps that are drawn two beside each other, more of them three
-_MOST_STEPS = 12
-_FINE = 200  # points of a drawn model
 _ERRORS = ("fit_percent", "gain_error_db", "phase_error_deg")
 
 
 def steps_section(curves: Sequence[Curve]) -> Section:
     """Every step, and the models of each; its figures stand among the results."""
-    shown = curves[:_MOST_STEPS]
+    shown = curves[:MOST_DRAWN]
     tables = [table for table in (_models(curves), _from_times(curves)) if table.rows]
     beside = [_bode(f"step-models-{k}", c) for k, c in enumerate(shown) if c.get("response") and c.get("models")]
     caption = _(
@@ -53,8 +52,7 @@ def steps_section(curves: Sequence[Curve]) -> Section:
         "90 % of the change."
     )
     x, y = (_("time [s]"), ""), (_("response"), "response_unit")
-    columns = 2 if len(curves) <= _FEW else 3
-    picture = small_multiples("steps", curves, columns, _step, x, y, caption, _MOST_STEPS)
+    picture = small_multiples("steps", curves, _step, x, y, caption)
     return Section(_("Step response"), figures=(picture, *beside), tables=tuple(tables))
 
 
@@ -106,7 +104,7 @@ def _bode(name: str, curve: Curve) -> Picture:
     """The measured response and every model, as figure 16 of the HPV41 paper."""
     measured = curve["response"]
     frequency_hz = needed(measured, "frequency_hz")
-    fine = np.geomspace(frequency_hz[0], frequency_hz[-1], _FINE)
+    fine = np.geomspace(frequency_hz[0], frequency_hz[-1], POINTS)
 
     def draw(figure: Figure) -> None:
         above, below = figure.subplots(2, 1, sharex=True)
