@@ -27,14 +27,16 @@ MOST_BYTES = 1 << 25
 ANY_SIZE = 1 << 62
 """Of samples, which are read in pieces."""
 
+UNASKED_BYTES = 1 << 28
+"""What anybody's file may hold or unpack to, whatever its own size: 268 MB."""
+
 MOST_TOML_BYTES = 1 << 20
 MOST_LEVELS = 64
 
 _PATH_FLAGS = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _FILE_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
 _LEAST_BYTES, _LARGEST_BYTES = 1 << 30, 1 << 34
-_LEAST_UNPACKED, _MOST_SHRUNK = 1 << 28, 100
-_SPARSE_BYTES, _SPARSEST = 1 << 28, 64  # a file this large holds at least a part of what its size says
+_MOST_SHRUNK, _SPARSEST = 100, 64  # times what is stored: of what may unpack; of what a file says that it holds
 _KINDS = (
     (stat.S_ISLNK, "a link, and links are not followed"), (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"),
     (stat.S_ISSOCK, "a socket"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"),
@@ -55,7 +57,7 @@ def most_bytes() -> int:
 
 def most_unpacked(stored_bytes: int) -> int:
     """What a recording of so many bytes may unpack to: measured values shrink to a tenth, not to a thousandth."""
-    return min(max(_LEAST_UNPACKED, _MOST_SHRUNK * stored_bytes), most_bytes())
+    return min(max(UNASKED_BYTES, _MOST_SHRUNK * stored_bytes), most_bytes())
 
 
 def unpacked_allowed(stored_bytes: int) -> str:
@@ -262,7 +264,7 @@ def _check(found: os.stat_result, where: Path, most_bytes: int) -> None:
         raise FileError(f"{where}: is {_kind(found.st_mode)}; only regular files are read here")
     if found.st_size > most_bytes:
         raise FileError(f"{where}: has {_size(found.st_size)}; at most {_size(most_bytes)} are read")
-    if found.st_size > _SPARSE_BYTES and found.st_blocks * 512 * _SPARSEST < found.st_size:
+    if found.st_size > UNASKED_BYTES and found.st_blocks * 512 * _SPARSEST < found.st_size:
         held = _size(found.st_blocks * 512)
         raise FileError(f"{where}: says that it has {_size(found.st_size)} and holds {held}; not read")
 

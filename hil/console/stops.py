@@ -15,12 +15,11 @@ from urllib.parse import urlencode, urlsplit
 
 from hil.bench.stop.consoles import LOOPBACK
 from hil.bench.stop.control import asking
-from hil.bench.stop.press import Press
+from hil.bench.stop.press import MOST_BYTES, Press
 from hil.console.console import Console
 from hil.errors import HilError, LinkError
 
 _ANSWER_S = 1.5
-_MOST_BYTES = 65_536
 _IN_PARALLEL = 8
 _THREADS = ThreadPoolExecutor(_IN_PARALLEL, "stop")
 _T = TypeVar("_T")
@@ -58,7 +57,7 @@ def ask_listener(folder: Path, control: Mapping[str, Any], what: str, **fields: 
     try:
         form = {"Content-Type": "application/x-www-form-urlencoded"}
         line.request("POST", f"/{what}", urlencode({"token": token, **fields}), form)
-        return json.loads(line.getresponse().read(_MOST_BYTES))
+        return json.loads(line.getresponse().read(MOST_BYTES))
     except (OSError, HTTPException, ValueError, RecursionError) as error:
         raise LinkError(f"run {folder.name}: its listener does not answer: {error}") from None
     finally:

@@ -15,6 +15,8 @@ from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from hil.bench.stop.consoles import LOOPBACK, consoles
+from hil.bench.stop.control import CONTROL_FILE
+from hil.bench.stop.press import MOST_BYTES
 from hil.errors import FileError
 from hil.record.run_folder.header import END_FILE, HEADER_FILE, Header, read_end, read_header
 from hil.record.run_folder.process_liveness import is_alive
@@ -24,8 +26,6 @@ from hil.untrusted import is_regular, read_untrusted_json
 
 State = Literal["running", "lost", "ended"]
 
-CONTROL_FILE = "control.json"
-_MOST_BYTES = 65_536
 _FRESH_S = 0.1  # what was seen so lately is told again
 _ENDED_S = 3.0  # so long a run that has ended is still told
 _SILENT_S = 15.0  # a run whose process nobody knows and that has written nothing for so long has been lost
@@ -106,7 +106,7 @@ def _written(folder: Path) -> tuple[int, ...]:
 def control_of(folder: Path) -> Mapping[str, Any]:
     """What the run says of how it is stopped, on this computer; empty where it says nothing that can be read."""
     try:
-        content = read_untrusted_json(folder, CONTROL_FILE, _MOST_BYTES)
+        content = read_untrusted_json(folder, CONTROL_FILE, MOST_BYTES)
     except (OSError, FileError):
         return {}
     if not isinstance(content, dict) or content.get("schema") != "hil.control/1":

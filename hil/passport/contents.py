@@ -10,9 +10,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from hil.errors import FileError, StorageError
+from hil.untrusted import UNASKED_BYTES
 
 PAGE_FILE = "passport.pdf"
-STRANGERS_BYTES = 1 << 28
+STRANGERS_BYTES = UNASKED_BYTES
 """What the attachments of a signer who is not known may unpack to, all together: 268 MB."""
 
 _PLAIN, _FLATE = "", "/FlateDecode"

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from hil.record.read import formats, read_recording, write_recording
 from hil.record.recording import Channel, Recording
-from hil.record.table.missing_values import STAND_INS
+from hil.record.table.missing_values import is_stand_in
 
 # One ending of each format that is written; "" is the run folder.
 ENDINGS = sorted({module.SUFFIXES[0] for module in formats().values() if hasattr(module, "write")} | {".csv.gz", ""})
@@ -24,7 +24,7 @@ names = st.text(
 ).map(str.strip).filter(lambda text: bool(text) and text != "time" and not text.startswith("\ufeff"))  # fmt: skip
 units = st.sampled_from(["%", "V", "l/min", "bar", "°C", "1", "mm/s", "µm", "N·m"])
 # Numbers by which loggers say that nothing was measured are refused, whoever wrote them.
-values = st.floats(-1e149, 1e149).filter(lambda value: abs(value) not in STAND_INS)
+values = st.floats(-1e149, 1e149).filter(lambda value: not is_stand_in(value))
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53), 2**53) | values | st.text(max_size=20),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 
 Listening = tuple[socket.socket, ssl.SSLContext | None]
 _HANDSHAKE_S = 2.0
-_FLUSH_S = 0.3
-_AGAIN_S = 0.05
+FLUSH_S = 0.3  # for the last of an answer, once it is closed
+AGAIN_S = 0.05
 
 
 class Visitor(Protocol):
@@ -75,7 +75,7 @@ class Door:
                 taken, _peer = await self._loop.sock_accept(listening)
             except OSError:  # no descriptor is left, or the caller has gone
                 self._drop_one()
-                await asyncio.sleep(_AGAIN_S)
+                await asyncio.sleep(AGAIN_S)
                 continue
             visitor = self._made()
             visitor.gone = partial(self._forget, visitor)
@@ -87,7 +87,7 @@ class Door:
 
     async def _connect(self, visitor: Visitor, taken: socket.socket, tls: ssl.SSLContext | None) -> None:
         """Connect it, and give it a moment to say what it wants."""
-        limit = {"ssl_handshake_timeout": _HANDSHAKE_S, "ssl_shutdown_timeout": _FLUSH_S} if tls else {}
+        limit = {"ssl_handshake_timeout": _HANDSHAKE_S, "ssl_shutdown_timeout": FLUSH_S} if tls else {}
         try:
             await self._loop.connect_accepted_socket(lambda: visitor, taken, ssl=tls, **limit)  # type: ignore[arg-type,type-var] # it is one
         except (OSError, asyncio.CancelledError):

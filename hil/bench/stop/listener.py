@@ -15,7 +15,7 @@ from contextlib import suppress
 
 from hil.bench.stop.consoles import Console, consoles, may_read
 from hil.bench.stop.control import Control, Tokens, vouched
-from hil.bench.stop.door import Door, Listening
+from hil.bench.stop.door import AGAIN_S, FLUSH_S, Door, Listening
 from hil.bench.stop.request import BadRequestError, Request, request_in, response
 from hil.bench.stop.stop_service import By, StopService
 from hil.system import system
@@ -24,8 +24,6 @@ ANSWER_S = 0.85  # the page has its answer within a second, whatever the devices
 _SAYS_S = 2.0  # so long a connection has to say what it wants
 _MOST = 128  # connections at a time
 _QUEUED = 512
-_FLUSH_S = 0.3
-_AGAIN_S = 0.05
 
 
 class Listener:
@@ -58,7 +56,7 @@ class Listener:
         with suppress(RuntimeError):  # its loop is between two lives
             if self._wake is not None:
                 self._wake()
-        self._thread.join(2.0 * _FLUSH_S)
+        self._thread.join(2.0 * FLUSH_S)
         for opened, _tls in self._sockets:
             opened.close()
 
@@ -67,7 +65,7 @@ class Listener:
             try:
                 asyncio.run(self._serve())
             except BaseException:  # nothing that arrives here may end the listener
-                self._ended.wait(_AGAIN_S)
+                self._ended.wait(AGAIN_S)
 
     async def _serve(self) -> None:
         loop, end = asyncio.get_running_loop(), asyncio.Event()
@@ -77,7 +75,7 @@ class Listener:
         if not self._ended.is_set():
             await end.wait()
         door.close()
-        until_s = system.now_s() + _FLUSH_S
+        until_s = system.now_s() + FLUSH_S
         while door.is_busy and system.now_s() < until_s:
             await asyncio.sleep(0.005)
 

@@ -15,7 +15,7 @@ from hil.safety.interrupt import Halted
 from hil.untrusted import read_untrusted_json
 
 _FILE = "stop-pressed.json"
-_MOST_BYTES = 65_536
+MOST_BYTES = 65_536  # of what runs and consoles leave for each other
 
 
 class Press(BaseModel):
@@ -48,7 +48,7 @@ class StopSwitch:
     def pressed(self) -> Press | None:
         """What is known of the press; None while it is released. A file that cannot be read is a press."""
         try:
-            return Press.model_validate(read_untrusted_json(self.folder, _FILE, _MOST_BYTES))
+            return Press.model_validate(read_untrusted_json(self.folder, _FILE, MOST_BYTES))
         except FileNotFoundError:
             return None
         except (OSError, FileError, ValidationError):

@@ -28,7 +28,7 @@ from hil.signals.smooth_curve import Smoother
 from hil.signals.straight_line import weighted_line
 from hil.signals.tone import Tone, standing_tone
 
-_PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
+_PARABOLA = (17.0 - 5.0 * np.arange(-2, 3) ** 2) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
 _CROSSED = ("onset_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
 

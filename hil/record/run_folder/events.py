@@ -15,10 +15,9 @@ from typing import Any
 from hil.errors import FileError, reading
 from hil.record.durable import copy_open, write_at
 from hil.record.plain import to_json
-from hil.untrusted import parse_json, read_untrusted
+from hil.untrusted import UNASKED_BYTES, parse_json, read_untrusted
 
 EVENTS_FILE = "events.jsonl"
-_MOST_BYTES = 1 << 28
 
 
 class EventsWriter:
@@ -73,7 +72,7 @@ def read_events(folder: Path) -> tuple[list[dict[str, Any]], int | None]:
         FileError: the file cannot be read.
     """
     with reading(folder / EVENTS_FILE, remedy="; a run folder needs it"):
-        return parse_events(read_untrusted(folder, EVENTS_FILE, _MOST_BYTES))
+        return parse_events(read_untrusted(folder, EVENTS_FILE, UNASKED_BYTES))
 
 
 def parse_events(text: bytes) -> tuple[list[dict[str, Any]], int | None]:

@@ -20,12 +20,11 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.durable import copy_open, is_at, is_deleted, place_of, write_at
 from hil.record.recording import Array
-from hil.untrusted import ANY_SIZE, open_untrusted
+from hil.untrusted import ANY_SIZE, UNASKED_BYTES, open_untrusted
 
 ROWS_FILE, JOURNAL_FILE = "samples.f8", "samples.log"
 LINE_BYTES = 25
 VALUE_BYTES = 8
-_MOST_JOURNAL_BYTES = 1 << 28
 _PIECE_BYTES = 1 << 20
 COPIED_BYTES = 1 << 28
 """Up to this size samples are copied into memory, each channel in one piece; beyond, they stay on the disk."""
@@ -136,14 +135,14 @@ class RowsWriter:
 
 def marks(folder: Path) -> Iterator[Mark]:
     """The lines of the journal, up to the first that is not whole."""
-    with open_untrusted(folder, JOURNAL_FILE, _MOST_JOURNAL_BYTES) as file:
+    with open_untrusted(folder, JOURNAL_FILE, UNASKED_BYTES) as file:
         while (mark := _parsed(file.read(LINE_BYTES))) is not None:
             yield mark
 
 
 def last_mark(folder: Path) -> tuple[Mark, int | None]:
     """What the last whole line of the journal says, no rows when there is none; and the first after it that is none."""
-    with open_untrusted(folder, JOURNAL_FILE, _MOST_JOURNAL_BYTES) as file:
+    with open_untrusted(folder, JOURNAL_FILE, UNASKED_BYTES) as file:
         lines = file.seek(0, SEEK_END) // LINE_BYTES
         for line in reversed(range(lines)):
             file.seek(line * LINE_BYTES)

@@ -11,8 +11,6 @@ from hil.language.note import Note
 from hil.record.recording import Array, Mask
 from hil.record.table.columns import Column
 
-# What loggers and instruments write where nothing was measured (9.91e37 is SCPI's "not a number").
-STAND_INS = frozenset({999.0, 9999.0, 99999.0, 999999.0, 999.25, 9999.99, 9.9e37, 9.91e37, 1e30, 1e37, 1e38})
 _BEYOND = 10.0  # times all other values
 _FEW = 4  # values; a channel with so few is a state, not a measurement
 _FEW_REPEATED = 0.1  # of the stamps
@@ -60,6 +58,12 @@ def is_even(time_s: Array) -> bool:
     return bool(steps.max() <= 1.05 * usual and steps.min() >= 0.95 * usual)
 
 
+def is_stand_in(value: float) -> bool:
+    """Whether loggers write a number where nothing was measured: nines alone, -999.25, 9.91e37 (SCPI) and beyond."""
+    size = abs(value)
+    return size >= 1e30 or size == 999.25 or (size >= 999.0 and set(f"{size:.9g}") <= {"9", "."})
+
+
 def _blanks(column: Column, missing: Mask, place: Place, gaps: bool) -> list[str]:
     """Scattered samples that are missing, in words; a channel of a rate of its own is spoken of elsewhere."""
     at = np.flatnonzero(missing)
@@ -81,7 +85,7 @@ def _stands_for_none(values: Array) -> float | None:
     if len(values) < _FEW or np.isnan(values).all():
         return None
     for extreme in (float(np.nanmin(values)), float(np.nanmax(values))):
-        if abs(extreme) not in STAND_INS:
+        if not is_stand_in(extreme):
             continue
         others = values[(values != extreme) & np.isfinite(values)]
         if 2 * len(others) > len(values) and _BEYOND * np.abs(others).max() < abs(extreme) and len(set(others)) > _FEW:
