@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.language.words import _
-from hil.record.recording import Array
 from hil.report.field import Curve, label_of, needed, unit_of
 from hil.report.figure import BLUE, FITTED, GRID, MEASURED, Picture, line, small_multiples, titled
 from hil.report.number import number
@@ -21,8 +18,6 @@ STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
 THRESHOLD_NEEDED = ("command", "measured")
 TREND_NEEDED = ("cycle", "measured", "std")
 DRIFT_NEEDED = ("time_s", "position", "fitted")
-_MOST_DOTS = 50
-_ROOM = 0.08  # of what is shown, above and below it
 
 
 def velocity_steps_section(curves: Sequence[Curve]) -> Section:
@@ -62,7 +57,7 @@ def trend_section(curves: Sequence[Curve]) -> Section:
     def draw(axes: Axes, curve: Curve) -> None:
         cycle, mean, std = (needed(curve, key) for key in TREND_NEEDED)
         axes.fill_between(cycle, mean - std, mean + std, color=GRID, lw=0.0)
-        axes.plot(cycle, mean, **FITTED, marker="o" if len(cycle) <= _MOST_DOTS else "")
+        axes.plot(cycle, mean, **FITTED)
         titled(axes, label_of(curve) + unit_of(curve, "response_unit"))
 
     caption = _("Means of blocks of cycles; shaded, one standard deviation of the single cycles.")
@@ -72,23 +67,11 @@ def trend_section(curves: Sequence[Curve]) -> Section:
 
 def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:
     def draw(axes: Axes, curve: Curve) -> None:
-        if "from_s" in curve:
-            from_s, to_s = float(curve["from_s"]), float(curve["to_s"])
-            axes.axvspan(from_s, to_s, color=GRID, lw=0.0)
-            axes.set_ylim(
-                *_span(needed(curve, "time_s"), needed(curve, position), needed(curve, "fitted"), from_s, to_s)
-            )
         line(axes, curve, "time_s", position, MEASURED, _("measured"))
+        if "from_s" in curve:
+            axes.axvspan(float(curve["from_s"]), float(curve["to_s"]), color=GRID, lw=0.0)
+            axes.set_ylim(axes.get_ylim())  # beyond the motion the fitted line leaves the cylinder
         line(axes, curve, "time_s", "fitted", {**FITTED, "ls": "--"}, _("fitted line"))
 
     x, y = (_("time [s]"), ""), (_("position"), "response_unit")
     return small_multiples(name, curves, draw, x, y, caption)
-
-
-def _span(time_s: Array, measured: Array, fitted: Array, from_s: float, to_s: float) -> tuple[float, float]:
-    """What the axis shows: the motion, and the line where it was fitted; beyond that it leaves the cylinder."""
-    read = fitted[(time_s >= from_s) & (time_s <= to_s)]
-    shown = np.concatenate((measured, read))
-    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
-    room = _ROOM * (high - low) or 1.0
-    return low - room, high + room
