@@ -190,12 +190,17 @@ class _Answer:
         return largest, what.size(1e3 * time_s, 1e3 * std_s) if known else what.of(None)
 
     def _largest(self, by_noise: float) -> tuple[float, float]:
-        """Largest size; the final one, and the rest granted, where noise alone could make the curve pass that."""
+        """Largest size. Where noise alone could make a peak beyond the final one, it may hide one: anywhere between.
+
+        Source: JCGM 100:2008 (GUM), 4.3.7.
+        """
         size, sizes = float(np.abs(self.curve).max()), np.abs(self.again).max(axis=1)
-        end, ends = abs(float(_final(self.curve))), np.abs(_final(self.again))
+        std = math.hypot(about(sizes, size), _between(lambda seen: np.abs(self.curve[seen]).max(), size))
+        end = abs(float(_final(self.curve)))
         if size - end > CERTAIN * by_noise or end < CERTAIN * by_noise:
-            return size, math.hypot(about(sizes, size), _between(lambda seen: np.abs(self.curve[seen]).max(), size))
-        return end, math.hypot(about(ends, end), 2.0 * UNIFORM * (size - end))
+            return size, std
+        most = size + by_noise
+        return 0.5 * (end + most), math.hypot(std, UNIFORM * (most - end))
 
     def _settled_s(self, curve: Array, seen: slice = slice(None)) -> float:
         """Since when it stays within the band, by the samples that are seen; infinite where it does not."""

@@ -97,6 +97,16 @@ def test_a_peak_between_two_samples_has_that_in_its_uncertainty():
         assert 2.0 <= found.value + 2.0 * found.std <= 6.0
 
 
+def test_a_peak_that_noise_may_hide_has_that_in_its_uncertainty():
+    def peak(at_s):
+        return -0.5 * np.expm1(-at_s / 0.04) + 0.06 * np.exp(-(((at_s - 0.13) / 0.045) ** 2))
+
+    truth = peak(np.linspace(0.0, 1.0, 10_001)).max()
+    found = [answered(peak, seed, rate_hz=20.0)[1]["load_deviation"] for seed in range(20)]
+    assert sum(abs(one.value - truth) <= 2.0 * one.std for one in found) >= 18
+    assert max(one.std for one in found) < 0.04
+
+
 def test_what_the_load_does_not_move_has_a_bound_and_nothing_to_settle():
     for seed in range(5):
         _, one = answered(lambda at_s: 0.0 * at_s, seed)
