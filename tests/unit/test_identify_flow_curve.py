@@ -147,6 +147,12 @@ def test_the_ninth_order_polynomial_ripples_in_the_dead_band_and_the_spline_does
     assert np.max(np.abs(ninth(command) - flow)) > 1.0
 
 
+def test_a_spline_of_a_curve_that_is_all_but_flat_warns_nobody():
+    made = spline(np.arange(5.0), np.array([0.0, 1e-310, 2e-310, 1.0, 2.0]))
+    assert made(1.5) == pytest.approx(0.0, abs=1e-300)
+    assert made(3.0) == 1.0
+
+
 def test_what_is_no_sweep_is_said():
     one = np.ones(4000)
     with pytest.raises(InputError, match="does not move"):

@@ -44,4 +44,5 @@ def spline(command: Array, flow: Array) -> PchipInterpolator:
     """The monotone cubic through a flow curve (PCHIP): flat where the data are flat, never overshooting."""
     from scipy.interpolate import PchipInterpolator
 
-    return PchipInterpolator(command, np.maximum.accumulate(flow))
+    with np.errstate(over="ignore"):  # one over a slope of almost nothing: its harmonic mean is 0 all the same
+        return PchipInterpolator(command, np.maximum.accumulate(flow))
