@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.printed import in_short, printed
-from hil.report.number import limits_text, number, rounded, with_std
+from hil.report.number import limits_text, number, rounded, unit_text, with_std
 from hil.report.terminal import aligned, typed
 
 if TYPE_CHECKING:
@@ -94,8 +94,9 @@ def _limit_row(one: LimitOfBatch) -> tuple[str, ...]:
     share = "" if one.cumulative is None else f"{100.0 * one.cumulative:.0f} %"
     mean, std = ("" if value is None else number(value, 4) for value in (one.mean, one.std))
     cpk = f"{one.cpk:.2f} ({one.cpk_low:.2f} … {one.cpk_high:.2f})" if one.cpk is not None else ""
-    return (one.name, one.unit, limits_text(one.low, one.high), str(one.units), str(one.failed), str(one.cannot_tell),
-            share, mean, std, cpk, one.why)  # fmt: skip
+    counts = str(one.units), str(one.failed), str(one.cannot_tell)
+    allowed = limits_text(one.low, one.high)
+    return one.name, unit_text(one.unit), allowed, *counts, share, mean, std, cpk, one.why
 
 
 def _row(one: Standing) -> tuple[str, ...]:
@@ -105,7 +106,7 @@ def _row(one: Standing) -> tuple[str, ...]:
     mean, std = ("", "") if one.mean is None or one.std is None else (rounded(one.mean, one.std)[0], f"{one.std:.2g}")
     distance = "" if one.distance is None else with_std(one.distance, one.distance_std)
     meaning = f"cannot be told: {one.why}" if one.why else one.meaning
-    return one.who, one.name, one.unit, value, mean, std, str(one.units), distance, meaning
+    return one.who, one.name, unit_text(one.unit), value, mean, std, str(one.units), distance, meaning
 
 
 def _sentences(found: InPopulation) -> list[str]:

@@ -22,6 +22,8 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
 }
 """By their name in the bench file: channels that measure them, the first that is there, and the unit of the name."""
 
+_BROUGHT_ABOUT = frozenset(("oil temperature", "supply pressure", "tank pressure"))
+"""Roles of outputs that are at rest before a run and after it, and conditions with them."""
 _SHOWN = {"degC": "°C"}
 _FAMILIES = "VG|HLPD?|HLP-D|HVLPD?|HL|HM|HV|HG|HEES|HETG|HEPG|HEPR|HFC|HFD[RU]?"
 """Marks of DIN 51524, ISO 6743-4 and ISO 15380 that stand before the grade; the number of a brand need not be one."""
@@ -127,11 +129,12 @@ def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condit
 def _within_parts(recording: Recording) -> Mask:
     """Samples of a procedure's parts: conditions come about before them, are adjusted between, and fall after them.
 
-    Where nothing adjusted them all samples count, as page one of earlier passports has it.
+    Where no output of the bench brings them about all samples count, as page one of earlier passports has it.
     """
     every = recording.meta.get("parts") or ()
     parts = [part for part in every if part.get("kind") != ADJUSTED]
-    within = np.full(len(recording.time_s), not parts or len(parts) == len(every))
+    stand = len(parts) == len(every) and not _BROUGHT_ABOUT.intersection(recording.meta.get("roles") or {})
+    within = np.full(len(recording.time_s), not parts or stand)
     for part in parts:
         within[int(part["first"]) : int(part["first"]) + int(part["count"])] = True
     return within

@@ -28,11 +28,18 @@ def findings_text(findings: Findings, *, simulated: bool = False, ended: str = "
     from hil.findings.collect import functions_of
     from hil.record.simulated import marked
     from hil.report.comparisons import comparison_sentences
-    from hil.report.number import limits_text
+    from hil.report.number import limits_text, unit_text
     from hil.report.results import reasons, value_text
 
     rows = [
-        (m.name, typed(value_text(m)), m.unit, typed(limits_text(m.low, m.high)), m.verdict or "", _spread(m))
+        (
+            m.name,
+            typed(value_text(m)),
+            unit_text(m.unit),
+            typed(limits_text(m.low, m.high)),
+            m.verdict or "",
+            _spread(m),
+        )
         for m in findings.measured
     ]
     functions = [one.line for one in functions_of(findings.curves)]

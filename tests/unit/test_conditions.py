@@ -64,6 +64,16 @@ def test_conditions_are_those_of_the_parts_and_not_of_the_way_there_or_between()
     assert dict(conditions_of(of_parts))["Return pressure"].startswith("measured: first 90")
 
 
+def test_conditions_that_an_output_brings_about_are_those_of_the_parts():
+    rising = np.where(TIME_S < 3.0, 30.0 * TIME_S, 90.0)
+    run = a_run({"supply_pressure_bar": [85.0, 95.0]}, **{"supply pressure [bar]": rising})
+    stands = replace(run, meta={**run.meta, "parts": [{"kind": "sweep", "first": 300, "count": 400}]})
+    assert len(condition_departures(stands)) == 1  # somebody else's pump: what it did counts
+    adjusts = replace(stands, meta={**stands.meta, "roles": {"supply pressure": "supply setting"}})
+    assert condition_departures(adjusts) == ()
+    assert measured_conditions(adjusts)["supply_pressure_bar"].low == pytest.approx(90.0)
+
+
 def test_a_condition_outside_its_declared_range_is_a_deviation():
     ranges = {
         "supply_pressure_bar": [98.0, 102.0],

@@ -113,6 +113,7 @@ def _comparison_table(found: RunComparison) -> str:
     """Two runs side by side, each difference with its significance, for a terminal."""
     from hil.record.simulated import marked
     from hil.report import comparison_page as page
+    from hil.report.number import unit_text
     from hil.report.terminal import aligned, typed
 
     both = (found.first, found.second)
@@ -120,6 +121,6 @@ def _comparison_table(found: RunComparison) -> str:
     rows = [("quantity", "unit", *runs, "verdict", "change", "")]
     for one in found.differences:
         values = (page.value_text(one.first), page.value_text(one.second), page.verdict_change(one))
-        rows.append((one.name, one.unit, *values, page.change_text(one), one.meaning))
+        rows.append((one.name, unit_text(one.unit), *values, page.change_text(one), one.meaning))
     below = (page.headline(found.differences), page.verdicts_sentence(*both), page.order_sentence(*both))
     return typed("\n".join([*aligned(rows), *filter(None, below), page.shared_sentence(found.one_bench)]))
