@@ -39,6 +39,7 @@ _BLOCKS = 240
 _ZOOM_SHARE = 0.1
 _ZOOM_LEAST = 200  # samples
 _WIDE = 4.0  # noise standard deviations that a residual axis shows at least
+_EVERYWHERE = 0.85  # of a recording: beyond this share, shading says nothing
 _AFTER = FITTED
 _BEFORE = {**FITTED, "color": RED, "ls": "--"}
 _PALE = "#eb9b62"  # the nominal model where lines lie too close for dashes; lighter than the other in grey, too
@@ -287,8 +288,11 @@ def _largest_of(counts: Array) -> Array:
 
 
 def _intervals(strip: Strip, where: Where | None) -> tuple[tuple[float, float], ...]:
-    """Where the two part in time."""
-    return where.time_s if where is not None and where.recording == strip.name else ()
+    """Where the two part in time; nothing when it is nearly everywhere."""
+    if where is None or where.recording != strip.name:
+        return ()
+    covered = sum(stop - start for start, stop in where.time_s)
+    return where.time_s if covered < _EVERYWHERE * float(strip.time_s[-1] - strip.time_s[0]) else ()
 
 
 def _shade(rows: Sequence[Axes], intervals: Sequence[tuple[float, float]]) -> None:
