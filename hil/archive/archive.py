@@ -10,9 +10,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Select, Table, delete, false, insert, select
+from sqlalchemy import Connection, Select, Table, delete, insert, select
 
-from hil.archive.database import DamagedIndexError, is_refusal, opened, refused_by
+from hil.archive.database import WRITES, DamagedIndexError, is_refusal, opened, refused_by
 from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
 from hil.archive.tables import CALIBRATION, OF_CALIBRATION, OF_RUN, OF_VALUE, RUN, VALUE
@@ -51,9 +51,8 @@ def enter(place: Place, folders: Iterable[Path]) -> list[str]:
 
 @contextmanager
 def _writing(place: Place) -> Iterator[Connection]:
-    """A transaction that writes, from its first statement on: one that began by reading could not wait for another."""
-    with opened(place) as engine, engine.begin() as index:
-        index.execute(delete(RUN).where(false()))
+    """A transaction that writes, from its beginning on."""
+    with opened(place) as engine, engine.execution_options(**{WRITES: True}).begin() as index:
         yield index
 
 

@@ -25,6 +25,11 @@ _POSTGRESQL = {
 _OF_A_ROW = ("22", "23", "44", "54", "P0")
 """Classes of SQLSTATE that concern what a row says: data, constraints, views, sizes, and triggers of a lab's own."""
 _ENTERED_MEANWHILE = "23505"
+WRITES = "hil_writes"
+"""Execution option of a connection: its transaction writes."""
+
+
+_REMEDY = "`hil archive rebuild` makes it anew from the folders"
 
 
 class DamagedIndexError(ArchiveError):
@@ -63,21 +68,36 @@ def _engine(place: Place) -> Engine:
         engine = create_engine(place.url, connect_args={"timeout": _PATIENCE_S})
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
     return engine
 
 
 def _prepare_sqlite(connection: Any, _record: Any) -> None:
     """Readers do not wait for a writer, and rows that belong to a run go with it."""
+    connection.isolation_level = None  # `_begin_sqlite` begins: Python would not before tables are made
     for line in ("PRAGMA journal_mode=WAL", "PRAGMA synchronous=NORMAL", "PRAGMA foreign_keys=ON"):
         connection.execute(line)
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    """Tables too are made all or none, on a full disk as well.
+
+    Who will write says so: a transaction that begins by reading could not wait for another's.
+    """
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if connection.get_execution_options().get(WRITES) else "BEGIN")
 
 
 def _migrate(engine: Engine, place: Place) -> None:
     folder = files("hil.archive") / "migrations"
     newest = max(file.name for file in (folder / "versions").iterdir() if file.name[0].isdigit()).partition("_")[0]
-    with engine.begin() as connection:
+    with engine.connect() as connection:
         if _version(connection) == newest:
             return
+    with engine.execution_options(**{WRITES: True}).begin() as connection:
+        if (found := _version(connection)) == newest:  # by somebody else meanwhile
+            return
+        if found is None and inspect(connection).has_table("run"):
+            raise DamagedIndexError(f"archive {place}: half made; {_REMEDY}")
         from alembic import command  # a fifth of a second, and not needed by most
         from alembic.config import Config
         from alembic.util import CommandError
@@ -122,5 +142,5 @@ def _refused(place: Place, error: Exception) -> ArchiveError:
         return ArchiveError(f"archive {place}: its database needs {lacking(error.name or '?')}")
     cause = place.without_password(getattr(error, "orig", None) or error)
     if isinstance(error, DatabaseError) and not isinstance(error, OperationalError) and place.folder is not None:
-        return DamagedIndexError(f"archive {place}: {cause}; `hil archive rebuild` makes it anew from the folders")
+        return DamagedIndexError(f"archive {place}: {cause}; {_REMEDY}")
     return ArchiveError(f"archive {place}: {cause}")

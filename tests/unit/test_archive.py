@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import shutil
 import sqlite3
 import subprocess
@@ -144,6 +145,31 @@ def test_damaged_index_is_made_anew(folder_with_a_run):
     place, _ = folder_with_a_run
     (place.folder / INDEX_FILE).write_bytes(b"no database at all" * 100)
     with pytest.raises(ArchiveError):
+        names(place)
+    assert rebuild(place, [place.folder]) == (1, [])
+    assert names(place) == ["a"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits how far a file may grow")
+def test_an_index_that_a_full_disk_broke_off_is_made_when_there_is_room(tmp_path):
+    place, run = archive_place(str(tmp_path / "lab")), made_run(tmp_path / "lab" / "a")
+    was = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for most in range(8192, 65536, 4096):  # breaks off at one step of its making after the other
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, was[1]))
+        try:
+            said = enter_or_keep(place, run)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, was)
+        assert not said or "entered later" in said
+    catch_up(place)
+    assert names(place) == ["a"]
+
+
+def test_a_half_made_index_is_made_anew(folder_with_a_run):
+    place, other = folder_with_a_run
+    other.execute("delete from alembic_version")
+    other.commit()
+    with pytest.raises(ArchiveError, match="half made"):
         names(place)
     assert rebuild(place, [place.folder]) == (1, [])
     assert names(place) == ["a"]
