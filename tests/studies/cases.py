@@ -88,6 +88,32 @@ class Outcome:
         return bool(self.named) and not {*self.named, *self.alike} & self._right
 
 
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What a study takes away: how units are recorded, and what their models have lost when they are asked.
+
+    Attributes:
+        has_inner: whether inner signals are recorded. `noise`: times the skeleton's own. `share`: of the time.
+        lost: keys of the model file.
+    """
+
+    has_inner: bool = True
+    noise: float = 1.0
+    share: float = 1.0
+    lost: tuple[str, ...] = ()
+
+
+CONDITIONS = {
+    "": Condition(),
+    "no-inner-signals": Condition(has_inner=False),
+    "no-skeleton-misfit": Condition(lost=("skeleton",)),
+    "no-prior": Condition(lost=("covariance",)),
+    "noise-twice": Condition(noise=2.0),
+    "a-third": Condition(share=1.0 / 3.0),
+}
+"""By name; the first is that of the published tables, and sizes of changes are those of it."""
+
+
 def skeletons() -> list[str]:
     """Names of all skeletons."""
     return sorted(module.name for module in pkgutil.iter_modules(_skeletons.__path__))
@@ -115,29 +141,41 @@ def _of_unit(name: str, unit: int, changes: int, seed: int) -> Iterator[Case]:
         yield Case(name, unit, possible[(unit * changes + k) % len(possible)], wanted, seed)
 
 
-def examined(cases: Sequence[Case], out: Path) -> list[Outcome]:
+def examined(cases: Sequence[Case], out: Path, condition: str = "") -> list[Outcome]:
     """What is said of all cases of one unit; its model is identified once."""
     first = cases[0]
     place = out / f"{first.skeleton}-{first.unit}-{first.seed}"
-    place.mkdir(parents=True, exist_ok=True)
     module = skeleton(first.skeleton)
     unit = module.draw(first.rng("unit"))
-    rng = first.rng("before")
-    commands = [_steered(module, unit, USUAL[kind](rng, module.STEP_S)) for kind in USUAL]
-    paths = [
-        _write(module, module.respond(unit, one), one, rng, place / f"before-{k}.csv") for k, one in enumerate(commands)
-    ]
-    model = place / "nominal.json"
     try:
-        if not model.exists():
-            PYTHON.identify(paths, module.PLANT, model)
-        left = _left(module, unit, commands, paths, model)
+        left = _left(module, unit, *_identified(module, unit, first, place, ""))
+        own = place / condition
+        model = own / "asked.json"
+        known = json.loads(_identified(module, unit, first, own, condition)[2].read_text("utf-8"))
+        lost = CONDITIONS[condition].lost
+        model.write_text(json.dumps({key: value for key, value in known.items() if key not in lost}), "utf-8")
     except Exception as error:  # whatever the program does, the study goes on and counts it
         return [Outcome(case, float("nan"), "failed", (), (), f"identify: {error}") for case in cases]
-    return [_answered(case, module, unit, left, model, place) for case in cases]
+    return [_answered(case, module, unit, left, model, condition) for case in cases]
 
 
-def _answered(case: Case, module: ModuleType, unit: Any, left: float, model: Path, place: Path) -> Outcome:
+def _identified(
+    module: ModuleType, unit: Any, first: Case, place: Path, condition: str
+) -> tuple[list[Array], list[Path], Path]:
+    """The unit's commands and recordings of before, and its nominal model; made once."""
+    rng = first.rng("before")
+    commands = [_steered(module, unit, make(rng, module.STEP_S)) for make in USUAL.values()]
+    paths = [place / f"before-{k}.csv" for k in range(len(commands))]
+    model = place / "nominal.json"
+    if not model.exists():
+        for one, path in zip(commands, paths, strict=True):
+            _write(module, module.respond(unit, one), one, rng, path, CONDITIONS[condition])
+        PYTHON.identify(paths, module.PLANT, model)
+    return commands, paths, model
+
+
+def _answered(case: Case, module: ModuleType, unit: Any, left: float, model: Path, condition: str) -> Outcome:
+    place = model.parent
     kept = place / f"{case.change}.json"
     if kept.exists():
         told = json.loads(kept.read_text("utf-8"))
@@ -148,7 +186,7 @@ def _answered(case: Case, module: ModuleType, unit: Any, left: float, model: Pat
     changed, moved = _changed(case, module, unit, commands, left)
     folder = place / case.change
     paths = [
-        _write(module, module.respond(changed, one), one, rng, folder / f"later-{k}.csv")
+        _write(module, module.respond(changed, one), one, rng, folder / f"later-{k}.csv", CONDITIONS[condition])
         for k, one in enumerate(commands)
     ]
     try:
@@ -220,13 +258,23 @@ def _left(module: ModuleType, unit: Any, commands: Sequence[Array], paths: Seque
 
 
 def _write(
-    module: ModuleType, clean: Mapping[str, Array], command: Array, rng: np.random.Generator, path: Path
+    module: ModuleType,
+    clean: Mapping[str, Array],
+    command: Array,
+    rng: np.random.Generator,
+    path: Path,
+    condition: Condition,
 ) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     (source, unit), *measured = module.CHANNELS.items()
-    noisy = [clean[name] + module.NOISE[name] * rng.standard_normal(len(command)) for name, _ in measured]
+    if not condition.has_inner:
+        measured = measured[:1]
+    noisy = [
+        clean[name] + condition.noise * module.NOISE[name] * rng.standard_normal(len(command)) for name, _ in measured
+    ]
     heading = ",".join(["time [s]", f"{source} [{unit}]", *(f"{name} [{unit}]" for name, unit in measured)])
     rows = np.column_stack([np.arange(len(command)) * module.STEP_S, command, *noisy])
+    rows = rows[: round(condition.share * len(rows))]
     np.savetxt(path, rows, fmt="%.8g", delimiter=",", header=heading, comments="")
     return path
 

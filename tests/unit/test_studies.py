@@ -1,9 +1,14 @@
 """The studies' units of another structure are what the study takes them for."""
 
+import csv
+import json
+
 import numpy as np
 import pytest
 
-from tests.studies.cases import NOTHING, Case, Outcome, cases_of, seal, skeleton, skeletons
+from hil.physics.model import save_model, typical_model
+from tests.studies import cases
+from tests.studies.cases import CONDITIONS, NOTHING, Case, Outcome, cases_of, examined, seal, skeleton, skeletons
 from tests.studies.excitation import OTHER, USUAL
 from tests.studies.names import RANGES, right_names
 from tests.studies.table import as_json
@@ -52,6 +57,42 @@ def test_a_unit_is_the_same_in_all_its_cases_and_its_changes_are_drawn_evenly():
 def test_a_seal_is_that_of_its_truths():
     one, other = (cases_of(["axis_belt"], 2, 1, seed) for seed in (7, 8))
     assert seal(one) == seal(one) != seal(other)
+
+
+class Typical:
+    """A program that identifies nothing, and keeps what it is asked."""
+
+    def identify(self, recordings, plant, model):
+        save_model(typical_model(plant), model)
+        told = {"skeleton": {}, "covariance": {"names": [], "matrix": []}}
+        model.write_text(json.dumps(json.loads(model.read_text()) | told))
+
+    def diagnose(self, model, recordings, out):
+        answer = {"verdict": "consistent", "effects": [], "changed_parameters": [], "not_separable": []}
+        (out / "diagnosis.json").write_text(json.dumps(answer))
+        (out / "model.json").write_text(model.read_text())
+
+
+def test_a_condition_takes_away_what_it_says_and_nothing_else(tmp_path, monkeypatch):
+    monkeypatch.setattr(cases, "PYTHON", Typical())
+    [unit] = cases_of(["cylinder_elastic"], 1, 0, 7)
+
+    def asked(condition):
+        [outcome] = examined(unit, tmp_path, condition)
+        assert not outcome.error
+        place = tmp_path / "cylinder_elastic-0-7" / condition / NOTHING
+        heading, *rows = csv.reader((place / "later-0.csv").read_text().splitlines())
+        return heading, np.array(rows, dtype=float), json.loads((place / "model.json").read_text())
+
+    heading, rows, model = asked("")
+    assert len(heading) == 5 and {"skeleton", "covariance"} < set(model)
+    assert asked("no-inner-signals")[0] == heading[:3]
+    assert set(asked("no-skeleton-misfit")[2]) == set(model) - {"skeleton"}
+    assert set(asked("no-prior")[2]) == set(model) - {"covariance"}
+    np.testing.assert_array_equal(asked("a-third")[1], rows[: round(len(rows) / 3)])
+    noisier = asked("noise-twice")[1] - rows
+    assert np.std(noisier[:, 2]) == pytest.approx(skeleton("cylinder_elastic").NOISE["position"], rel=0.05)
+    assert len(CONDITIONS) == 6
 
 
 def test_what_is_counted():
