@@ -212,8 +212,10 @@ def _check(folder: Path, model: Model | None) -> list[Path]:
     """The recordings of a unit.
 
     Raises:
-        FileError: there are none, or no model.
+        FileError: there are none, or no model, or no such folder.
     """
+    if not folder.is_dir():
+        raise FileError(f"{folder}: no such folder")
     if not (paths := sorted(folder.glob(_PATTERN))):
         raise FileError(f"{folder}: no recordings ({_PATTERN}) of a unit")
     if model is None and not (folder / NOMINAL_FILE).is_file():
