@@ -75,3 +75,10 @@ def test_a_scheduler_that_is_not_there_is_said(units, monkeypatch):
     monkeypatch.setattr(fleet, "_PATIENCE_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         diagnosed_fleet([units[0]], scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize(("name", "said"), [("nowhere", "no such folder"), ("empty", "no recordings")])
+def test_a_folder_that_holds_no_unit_is_told_before_any_is_asked(tmp_path, units, name, said):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=f"{name}: {said}"):
+        diagnosed_fleet([units[0], tmp_path / name])
