@@ -12,8 +12,8 @@ from hil.record.measured import Measured, Verdict
 class PopulationComparison:
     """Figures of the unit beside those of good units of its type; no part of the verdict.
 
-    `low` and `high` of a figure are the ends of the range of good units, learnt from `good_units` simulated ones. The
-    share `beyond` of them lies beyond either end. `reason` says why there are no figures.
+    `low` and `high` of a figure are the ends of the range of good units, learnt from `good_units` simulated ones.
+    `beyond` is the share of them that lies beyond either end. `reason` says why there are no figures.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}

@@ -128,7 +128,7 @@ def _previous_run(found: PreviousRunComparison) -> list[str]:
     instruments = (
         _("Both were measured with the same instruments.")
         if found.same_instruments
-        else _("Instruments or calibrations are others; these are in the uncertainty of each change.")
+        else _("The instruments or their calibrations differ; that is in the uncertainty of each change.")
     )
     rests = _(
         "{same} other values did not change beyond their uncertainty, {not_compared} cannot be compared. {instruments} "

@@ -198,7 +198,7 @@ def why_not_better(problem: Problem, nominal: Array, predicted: Array, folds: Fo
         folds: which of them no fit has seen.
     """
     if folds.basis == NOTHING:
-        return Note("there is no part of the recordings that no fit has seen")
+        return Note("every part of the recordings was used in a fit")
     # by how much the squared error falls in each block that has something to judge
     lasting_s = sum(e.duration_s for e in problem.experiments)
     blocks = problem.block_labels(max(folds.settles_s, lasting_s / _MOST))[folds.scored]
@@ -206,7 +206,7 @@ def why_not_better(problem: Problem, nominal: Array, predicted: Array, folds: Fo
     gains = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
     if len(gains) < _FEWEST:
         return Note(
-            "the parts that no fit has seen make {count} blocks longer than the plant settles in; {least} are needed",
+            "only {count} blocks that no fit has seen outlast the settling of the plant; {least} are needed",
             count=len(gains), least=_FEWEST,
         )  # fmt: skip
     risk = by_sign_changes(gains)

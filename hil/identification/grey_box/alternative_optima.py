@@ -59,8 +59,8 @@ def _beyond_corners(found: Estimate, away_with: AwayWith) -> Iterator[tuple[Arra
             farthest = _walked(found, away_with, k, sign * EFFORT.first_step * float(found.std[k]))
             if farthest is not None:
                 note = Note(
-                    "parameter '{name}' rests where a range ends at a driven level. Its interval reaches as far as the "
-                    "fit stays as good. A level within the range would determine it",
+                    "parameter '{name}' lies at a level that was driven. Its interval reaches as far as the fit stays "
+                    "as good. Another level within the interval would determine it",
                     name=found.unknowns[k].name,
                 )
                 yield 2.0 * _ASIDE * farthest, note

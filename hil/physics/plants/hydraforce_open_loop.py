@@ -166,7 +166,7 @@ PLANT = Plant(
         Parameter("dead_time", "s", 0.002, 0.0, 0.3, "amplifier and transport", growth="dead_time", hook="command"),
         Parameter("hysteresis", "A", 0.044, 0.0, 0.3, "width of the loop of the magnet: below 7 % of full current",
                   growth="hysteresis", hook="coil"),
-        Parameter("first_flow", "A", 0.4, 0.0, 1.0, "current from which it flows", growth="deadband", hook="coil"),
+        Parameter("first_flow", "A", 0.4, 0.0, 1.0, "current at which flow begins", growth="deadband", hook="coil"),
         Parameter("flow_range", "A", 0.7, 0.1, 3.0, "current from first to full flow", hook="coil"),
         Parameter("spool_frequency", "rad/s", 75.0, 5.0, 600.0, "natural frequency of the spool", hook="opening"),
         Parameter("spool_damping", "1", 0.7, 0.05, 5.0, "damping ratio of the spool", hook="opening"),
