@@ -220,3 +220,11 @@ def option(name: str, value: str = "") -> str:
     given = {"gaps": "True"}.get(name, f"{{'{of}': '{to}'}}" if is_pair else value)
     text = f"{called}={given}" if given else called
     return f"hil.read(…, {text})" if name in _OF_READ else text
+
+
+def listed(names: Iterable[object], most: int = 12) -> str:
+    """Names for a message: `a, b`; of more than `most` the first ones and how many there are, `none` of none."""
+    texts = list(map(str, names))
+    if len(texts) > most:
+        return f"{', '.join(texts[:most])}, … ({len(texts)} in all)"
+    return ", ".join(texts) or "none"

@@ -11,7 +11,7 @@ from hil.bench.lines import Place
 from hil.description.dbc import dbc_text
 from hil.description.makers_text import makers_file
 from hil.description.terminal import DescribedDevice, Invalid, ScaledTerminal
-from hil.errors import FileError
+from hil.errors import FileError, listed
 from hil.extras import is_installed
 from hil.strict import Strict
 
@@ -173,14 +173,14 @@ def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
             yield from _signal((*place, "read_back"), back.message, back.signal, known)
     for name, message in description.messages.items():
         if name not in known:
-            yield ("messages", name), f"no message '{name}'; there are: {_some(known)}"
+            yield ("messages", name), f"no message '{name}'; there are: {listed(known)}"
             continue
         names = [message.counter] if message.counter else []
         names += [message.checksum.signal] if message.checksum else []
         names += [*message.values, *([message.sign.signal] if message.sign else [])]
         for signal in names:
             if signal not in known[name]:
-                yield ("messages", name), f"no signal '{signal}' in it; there are: {_some(known[name])}"
+                yield ("messages", name), f"no signal '{signal}' in it; there are: {listed(known[name])}"
         if message.checksum and message.checksum.signal in known[name]:
             signal_ = known[name][message.checksum.signal]
             if signal_.length != 8 or signal_.start % 8 not in (0, 7):
@@ -200,12 +200,12 @@ def _page(terminal: CanTerminal, about: Message, known: dict[str, dict[str, Any]
         if about.values.get(name) not in pages:
             yield (
                 f"{terminal.message} has pages, told apart by {name}: say under [messages.{terminal.message}] "
-                f"values = {{ {name} = … }}, one of {_some(pages)}"
+                f"values = {{ {name} = … }}, one of {listed(pages)}"
             )
             return
     if terminal.signal in signals and not _is_sent(signals[terminal.signal], about):
         pages = signals[terminal.signal].multiplexer_ids
-        yield f"{terminal.signal} is not on the page that values choose; it is on {_some(pages)}"
+        yield f"{terminal.signal} is not on the page that values choose; it is on {listed(pages)}"
 
 
 def _is_sent(signal: Any, about: Message) -> bool:
@@ -214,14 +214,9 @@ def _is_sent(signal: Any, about: Message) -> bool:
 
 def _signal(place: Place, message: str, signal: str, known: dict[str, dict[str, Any]]) -> Iterator[tuple[Place, str]]:
     if message not in known:
-        yield (*place, "message"), f"no message '{message}'; there are: {_some(known)}"
+        yield (*place, "message"), f"no message '{message}'; there are: {listed(known)}"
     elif signal not in known[message]:
-        yield (*place, "signal"), f"no signal '{signal}' in {message}; there are: {_some(known[message])}"
-
-
-def _some(names: Any) -> str:
-    listed = [str(name) for name in names]
-    return ", ".join(listed[:12]) + (", …" if len(listed) > 12 else "")
+        yield (*place, "signal"), f"no signal '{signal}' in {message}; there are: {listed(known[message])}"
 
 
 Message.model_rebuild()

@@ -13,7 +13,7 @@ from hil.arrays import Array as Array
 from hil.arrays import Complex as Complex
 from hil.arrays import Integers as Integers
 from hil.arrays import Mask as Mask
-from hil.errors import FileError, UnitError, naming, option
+from hil.errors import FileError, UnitError, listed, naming, option
 from hil.record.parts import moved
 from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
@@ -136,7 +136,7 @@ class Recording:
         """
         wanted = name if name in self.channels or "[" not in name else split_heading(name)[0]
         if wanted not in self.channels:
-            have = ", ".join(channel.heading for channel in self.channels.values()) or "none"
+            have = listed(channel.heading for channel in self.channels.values())
             raise FileError(f"{self.name}: no channel '{wanted}'; it has: {have}")
         return self.channels[wanted]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hil.catalog import models
-from hil.errors import FileError, InputError, SettingError, UnitError, option
+from hil.errors import FileError, InputError, SettingError, UnitError, listed, option
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.table_fit import as_response
 from hil.identification.papers.asymptotic_bode import AsymptoticFit, asymptotic_bode
@@ -341,7 +341,7 @@ def channels_of(recording: Recording, input_name: str = "", output_name: str = "
     if not given or not answer:
         raise FileError(
             f"{recording.name}: which channel is the command and which the response? Say {option('input', 'NAME')} and "
-            f"{option('output', 'NAME')}; there are: {', '.join(names)}"
+            f"{option('output', 'NAME')}; there are: {listed(names)}"
         )
     return recording.channel(given).name, recording.channel(answer).name
 

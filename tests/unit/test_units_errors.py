@@ -110,3 +110,9 @@ def test_half_a_file_in_the_cache_of_the_units_library_makes_no_unit_unknown(tmp
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     asked = subprocess.run(ask, env=environment, capture_output=True, text=True, check=False)
     assert asked.returncode == 0, asked.stderr
+
+
+def test_a_message_lists_few_names_whole_and_of_many_says_how_many():
+    assert errors.listed([]) == "none"
+    assert errors.listed(["flow [l/min]", "command [%]"]) == "flow [l/min], command [%]"
+    assert errors.listed([f"ch{k}" for k in range(400)], 2) == "ch0, ch1, … (400 in all)"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, SettingError, option
+from hil.errors import FileError, SettingError, listed, option
 from hil.identification.preparation.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
 from hil.identification.preparation.time_base import (
@@ -515,13 +515,13 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
     for role, name in (("input", input_name), ("output", output_name)):
         if name in recording.channels:
             continue
-        have = ", ".join(one.heading for one in recording.channels.values() if not np.isnan(one.values).all())
+        have = listed(one.heading for one in recording.channels.values() if not np.isnan(one.values).all())
         alike = [known for known in recording.channels if known.casefold() == name.casefold()]
         hint = f", did you mean '{alike[0]}'?" if alike else ";"
         at_simulate = option(f"{role}-name")
         also = f", in hil simulate with {at_simulate}" if at_simulate.startswith("--") else ""
         raise FileError(
-            f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
+            f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have}; "
             f"name its channel with {option(role, 'NAME')}{also}"
         )
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, UnitError, naming, option
+from hil.errors import FileError, UnitError, listed, naming, option
 from hil.language.note import Note
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import SAME_STAMP, Array, Channel, Recording, Samples, check_samples, sample
@@ -166,10 +166,10 @@ def _why_no_signal(tables: Sequence[Table]) -> str:
         others = [column for column in columns if not column.is_time and column.values.size]
         texts = [(c.heading, c.values.flat[0]) for c in others if isinstance(c.values.flat[0], str)]
         begin = "".join(f"; '{heading}' begins with '{text:.20}'" for heading, text in texts)
-        names = ", ".join(f"'{column.heading}'" for column in others)
-        return f"no column beside the time holds one number per sample: {names or 'no rows'}{begin}"
-    have = ", ".join(f"'{column.heading}'" for column in columns)
-    there = f"no signal with a time was found, but {have}" if have else "no signal was found"
+        names = listed(f"'{column.heading}'" for column in others) if others else "no rows"
+        return f"no column beside the time holds one number per sample: {names}{begin}"
+    have = listed(f"'{column.heading}'" for column in columns)
+    there = f"no signal with a time was found, but {have}" if columns else "no signal was found"
     return (
         f"{there}; say which of them is the time with {option('time', 'NAME')}, or how far the samples are apart with "
         f"{option('interval', 'S')} "
@@ -192,7 +192,7 @@ def _timed(tables: Sequence[Table], reading: Reading) -> Iterator[_Timed]:
     for table, own_s, columns, assumed in found:
         signals = tuple(column for column in columns if column.is_number)
         other = [column.heading for column in columns if not column.is_number]
-        left_out = (f"left out, not one number per sample: {', '.join(other)}",) if other else ()
+        left_out = (f"left out, not one number per sample: {listed(other)}",) if other else ()
         length = len(signals[0].values) if signals else 0
         time_s = by_length.get(length) if own_s is None else own_s
         if signals and time_s is not None:
@@ -200,7 +200,7 @@ def _timed(tables: Sequence[Table], reading: Reading) -> Iterator[_Timed]:
                 raise FileError(f"channel '{signals[0].heading}' has {length} samples, its time has {len(time_s)}")
             yield _Timed(table, np.ascontiguousarray(time_s, dtype=np.float64), signals, (*assumed, *left_out))
         elif length > 1:
-            names = ", ".join(column.heading for column in signals)
+            names = listed(column.heading for column in signals)
             yield _Timed(table, np.empty(0), (), (f"left out, {length} samples and no time of as many: {names}",))
 
 
