@@ -110,6 +110,8 @@ def _diagnose(
         problem, choice, notes = _searched(problem, checked, stale, coarsely)
     else:
         problem, choice, notes = _judged(changed)
+        if stale:
+            choice = _with_stale(problem, choice, stale)
     if coarsely is not None:
         choice = _with(choice, coarse(problem, *coarsely, choice.chosen, _residuals(choice)))
     work.at(0.6, "judging on data kept back")

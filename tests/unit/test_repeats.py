@@ -13,7 +13,7 @@ from hil.diagnosis.search.fitted import nothing
 from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording
-from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, posed, records
+from tests.concealed import NOISE, RATE_HZ, bound, nominal, posed, records
 
 SECOND = round(RATE_HZ)
 
@@ -22,13 +22,17 @@ def noisy() -> np.ndarray:
     return NOISE * np.random.default_rng(5).standard_normal(4000)
 
 
-def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone():
+@pytest.mark.parametrize("share", [0.2, 0.45, 0.48, 0.55])
+def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone(share):
+    """However much of the recording that is: the noise of what was measured is asked."""
     made = records(seed=23)
     flow = made[1].channels["flow"].values
-    flow[5 * SECOND :] = flow[5 * SECOND]
+    flow[:] = np.round(flow / (NOISE / 4.0)) * (NOISE / 4.0)
+    measured = round((1.0 - share) * len(flow))
+    flow[measured:] = flow[measured]
     kept, intervals = without_stale(bound(nominal(), made))
-    assert [(s.recording, s.start_s) for s in intervals] == [("sweep", 5.0)]
-    assert kept[1].invalid["output"].mean() == pytest.approx((DURATION_S - 5.0) / DURATION_S, abs=0.001)
+    assert [(s.recording, s.start_s) for s in intervals] == [("sweep", measured / SECOND)]
+    assert kept[1].invalid["output"].mean() == pytest.approx(share, abs=0.001)
 
 
 def test_a_short_run_alone_is_nothing():

@@ -164,6 +164,19 @@ def test_a_coarser_channel_is_named_whatever_the_gate_says(lacking):
     assert said.gate["z"] < said.gate["needed"]
 
 
+def test_a_reading_that_stands_for_long_is_named_whatever_the_gate_says(lacking):
+    stuck = recorded("a", FIRST, 7)
+    stuck.output[len(stuck.output) // 2 :] = stuck.output[len(stuck.output) // 2]
+    said = asked(lacking, stuck, recorded("b", FIRST, 8))
+    assert (said.question, said.verdict, [effect.name for effect in said.effects]) == (
+        "changed",
+        "explained",
+        ["dropout"],
+    )
+    assert said.gate is not None
+    assert said.gate["z"] < said.gate["needed"]
+
+
 def test_a_small_change_of_a_parameter_is_found_from_starts_that_are_far_too_large(lacking):
     """The starts of the place at rest are a quarter of it away, the change a twenty-fifth (a load force was named)."""
     said = asked(lacking, recorded("later", FIRST, 7, rest=2.6), recorded("again", FIRST, 8, rest=2.6))

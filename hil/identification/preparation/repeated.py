@@ -88,17 +88,21 @@ def _is_long(e: Experiment, start: int, stop: int) -> bool:
 
 
 def _stale_runs(values: Array) -> list[Run]:
-    """Runs of identical values in a channel whose noise is well above its resolution."""
+    """Runs of identical values in a channel whose noise, where it was measured, is well above its resolution."""
     steps = np.abs(np.diff(values))
     moving = steps[steps > 0.0]
-    floor = white_floor(values)
+    repeats = runs(steps == 0.0)
+    lasting = np.zeros(len(values), dtype=np.bool_)
+    for start, stop in repeats:
+        lasting[start + 1 : stop + 1] = stop - start >= CRITERIA.lone_samples
+    floor = white_floor(values[~lasting])
     if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
         return []
     least = longer_than_by_chance(steps, floor)
     ends = np.array([values.max(), values.min()])
     return [
         (start, stop + 1)
-        for start, stop in runs(steps == 0.0)
+        for start, stop in repeats
         if stop - start >= least - 1 and values[start] not in ends and not _by_itself(values, start, stop)
     ]
 
