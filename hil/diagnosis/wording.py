@@ -114,20 +114,19 @@ def headline(
     """
     if verdict == "consistent":
         return hidden or Note("The model agrees with the recordings within their noise.")
+    causes, share = _causes(verdict, found, changed, is_change=is_change), 100.0 * left.share
     if verdict == "parameter_change":
-        first = Note("No physics is missing, but the unit has changed.")
-        return _joined(
-            [Note("The unit has changed since identification.") if is_change else first, *map(_change, changed)]
-        )
-    what, share = _what(found, is_change=is_change), 100.0 * left.share
+        return _joined(causes)
     if verdict == "explained":
         far = Note("{share:.4g} % of the change is explained", share=100.0 - share) if is_change else _how_far(left)
-        how = Note("With it {far}.", far=far) if len(found) == 1 else Note("With them {far}.", far=far)
-        return _joined([*what, how])
+        is_one = len(found) + len(changed) == 1
+        return _joined([*causes, Note("With it {far}.", far=far) if is_one else Note("With them {far}.", far=far)])
     if verdict == "partly_explained":
         if is_change:
-            return _joined([*what, Note("Something more has changed: {share:.3g} % of the change stays.", share=share)])
-        return _joined([*what, Note("Something more is missing: {share:.3g} % of the misfit stays.", share=share)])
+            return _joined(
+                [*causes, Note("Something more has changed: {share:.3g} % of the change stays.", share=share)]
+            )
+        return _joined([*causes, Note("Something more is missing: {share:.3g} % of the misfit stays.", share=share)])
     differ = Note(
         "The model and the recordings differ by {rms:.2g}{unit} (rms) beyond the noise",
         rms=left.nominal_rms, unit=_unit_text(left.unit),
@@ -152,7 +151,9 @@ def _joined(sentences: Sequence[Note]) -> Note:
     return first
 
 
-def _what(found: Sequence[Finding], *, is_change: bool) -> list[Note]:
+def _causes(
+    verdict: DiagnosisVerdict, found: Sequence[Finding], changed: Sequence[ChangedParameter], *, is_change: bool
+) -> list[Note]:
     """What the model leaves out, or what is new in the unit, and what in the model has changed, a sentence each."""
     new, held = ([_placed(f) for f in found if f.is_new is wanted] for wanted in (True, False))
     parts = []
@@ -160,7 +161,13 @@ def _what(found: Sequence[Finding], *, is_change: bool) -> list[Note]:
         listed = _listed(new)
         left_out = Note("The model leaves out {effects}.", effects=listed)
         parts.append(Note("New since identification: {effects}.", effects=listed) if is_change else left_out)
-    return [*parts, *([Note("What the model has of {effects} has changed.", effects=_listed(held))] if held else [])]
+    if held:
+        parts.append(Note("What the model has of {effects} has changed.", effects=_listed(held)))
+    if changed and not found:
+        is_all = verdict == "parameter_change" and not is_change
+        other = Note("The unit has changed since identification.")
+        parts.append(Note("No physics is missing, but the unit has changed.") if is_all else other)
+    return [*parts, *map(_change, changed)]
 
 
 def _placed(f: Finding) -> Note:

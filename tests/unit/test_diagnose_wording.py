@@ -60,6 +60,22 @@ def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing(
     assert cut.endswith("Not finished: the budget was spent before all causes were looked at.")
 
 
+@pytest.mark.parametrize(
+    ("verdict", "then"),
+    [
+        ("parameter_change", ""),
+        ("explained", " With it 96.3 % of the change is explained."),
+        ("partly_explained", " Something more has changed: 3.7 % of the change stays."),
+    ],
+)
+def test_a_changed_parameter_is_in_the_headline_of_every_verdict_that_names_it(verdict, then):
+    seal = ChangedParameter("coulomb", 25.9, 1425.8, 22.5, "N", "Coulomb friction of the seal", at_bound=False)
+    left = Left(0.037, 0.3, 0.1, "mm", None, (), 2.5)
+    said = "The unit has changed since identification. Coulomb friction of the seal is 1426 ± 44 N instead of 26 N."
+    told = headline(verdict, (), (seal,), left, is_change=True)
+    assert told == f"{said}{then}"
+
+
 def test_the_headline_says_what_stays_beside_the_noise():
     where = Where("", (), (0.0, 1.0), "", {})
     droop = Finding("supply_droop", "drooping supply", 0.9, "supply", "supply", {}, where, "", "", "")
