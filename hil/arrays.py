@@ -10,3 +10,6 @@ Integers = NDArray[np.int64]
 
 ROUNDING = 1e-9
 """Relative: two computations of one number agree better than that, on any processor; beyond it is intent."""
+
+LEAST = 1e-300
+"""Less than any size that means something: what a ratio or a logarithm needs to be finite."""

@@ -1,9 +1,10 @@
-"""A transfer function on one line."""
+"""A transfer function on one line, and its poles and zeros."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from hil.arrays import ROUNDING
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
 
@@ -19,6 +20,11 @@ def formula(model: TransferFunction) -> str:
     """
     text = f"({_polynomial(model.numerator)}) / ({_polynomial(model.denominator)})"
     return f"{text} · e^({_MINUS}{model.dead_time_s:.4g} s)" if _is_felt(model) else text
+
+
+def root_text(root: complex, form: str = ".4g") -> str:
+    """A pole or a zero as text; a real one without what arithmetic has left of an imaginary part."""
+    return format(root.real if abs(root.imag) <= ROUNDING * abs(root) else root, form)
 
 
 def _is_felt(model: TransferFunction) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from hil.arrays import LEAST
+
 
 def bic(mean_square: float, count: float, unknowns: int) -> float:
     """Schwarz's criterion of a fit to noise of unknown variance; smaller is better.
@@ -13,4 +15,4 @@ def bic(mean_square: float, count: float, unknowns: int) -> float:
         count: independent samples that they are worth.
         unknowns: how many numbers were fitted.
     """
-    return count * math.log(max(mean_square, 1e-300)) + unknowns * math.log(count)
+    return count * math.log(max(mean_square, LEAST)) + unknowns * math.log(count)

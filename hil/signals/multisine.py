@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.arrays import ROUNDING, Array, Complex, Integers
+from hil.arrays import LEAST, ROUNDING, Array, Complex, Integers
 from hil.errors import SettingError
 
 
@@ -119,7 +119,7 @@ def _low_crest(excited: Integers, samples: int, rng: np.random.Generator, iterat
     for i in range(iterations):
         level = (0.75 + 0.2 * i / iterations) * np.max(np.abs(wave))
         clipped = np.fft.rfft(np.clip(wave, -level, level))[excited]
-        wave = _wave(excited, clipped / np.maximum(np.abs(clipped), 1e-300), samples)
+        wave = _wave(excited, clipped / np.maximum(np.abs(clipped), LEAST), samples)
         if np.max(np.abs(wave)) < np.max(np.abs(best)):
             best = wave
     return best

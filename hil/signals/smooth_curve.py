@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.arrays import Array
+from hil.arrays import LEAST, Array
 from hil.signals.autoregression import whitened
 
 _DEGREE = 3
@@ -96,7 +96,7 @@ class Smoother:
         bent = len(self._cost) - _ROUGHNESS
         dof = white.shape[1] - _ROUGHNESS
         paid = _STIFFNESSES[:, None] * self._cost
-        left = np.maximum(power[:, None] - loads**2 @ (1.0 / (1.0 + paid)).T, 1e-12 * power[:, None] + 1e-300)
+        left = np.maximum(power[:, None] - loads**2 @ (1.0 / (1.0 + paid)).T, 1e-12 * power[:, None] + LEAST)
         price = np.sum(np.log1p(paid), axis=1) - bent * np.log(_STIFFNESSES)
         chosen = paid[np.argmin(dof * np.log(left) + price, axis=1)]
         return tuple(self._kept(loads, power, white.shape[1], chosen / one) for one in looser)

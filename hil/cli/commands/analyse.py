@@ -320,7 +320,9 @@ def _ratio_and_poles(model: TransferFunction) -> dict[str, Any]:
 
 
 def _loop_text(kind: str, ratio: str, model: TransferFunction, notes: Sequence[str]) -> str:
-    poles = ", ".join(f"{p.real:.4g}" if abs(p.imag) < 1e-12 else f"{p:.4g}" for p in model.poles)
+    from hil.physics.formula import root_text
+
+    poles = ", ".join(map(root_text, model.poles))
     rows = [f"{kind} loop {ratio}", f"  poles {poles} rad/s, gain at rest {model.dc_gain:.5g}"]
     return "\n".join([*rows, *(f"  note: {note}" for note in notes)])
 

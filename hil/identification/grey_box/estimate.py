@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hil.arrays import ROUNDING
+from hil.arrays import LEAST, ROUNDING
 from hil.cores import parallel_map
 from hil.identification.uncertainty.identifiability import Curvature, Identifiability, identifiability, products
 from hil.physics.plant import Parameter
@@ -213,7 +213,7 @@ def _damped_step(
     pressed = ((values <= low) & (gradient > 0.0)) | ((values >= high) & (gradient < 0.0))
     free = np.flatnonzero(~pressed)
     information = (slopes.T @ slopes * np.outer(scale, scale))[np.ix_(free, free)]
-    weights = np.maximum(np.diag(information), 1e-12 * max(float(np.trace(information)), 1e-300))
+    weights = np.maximum(np.diag(information), 1e-12 * max(float(np.trace(information)), LEAST))
     step = np.zeros_like(values)
     step[free] = -np.linalg.solve(information + damping * np.diag(weights), gradient[free])
     return step * scale

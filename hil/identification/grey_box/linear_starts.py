@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.arrays import LEAST
 from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array, Complex
@@ -97,7 +98,7 @@ def _share_left(signals: Sequence[_Signals], below: Array) -> float:
         rows = np.array([*zeros, *start, np.ones(len(s.given))])
         left += _left(rows.T, s.read)
         total += float(np.sum((s.read - s.read.mean()) ** 2))
-    return left / max(total, 1e-300)
+    return left / max(total, LEAST)
 
 
 def _left(rows: Array, wanted: Array) -> float:

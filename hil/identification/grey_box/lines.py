@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hil.arrays import LEAST
 from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
@@ -76,14 +77,14 @@ def prominence(power: Array) -> Array:
     around = median_filter(power, EFFORT.neighbourhood, mode="reflect")
     below = median_filter(power, EFFORT.lowest_bins, mode="nearest", origin=EFFORT.lowest_bins // 2)
     shifted = np.concatenate([np.full(EFFORT.line_bins, np.inf), below[: -EFFORT.line_bins]])
-    return power / np.maximum(np.maximum(around, shifted), 1e-300)
+    return power / np.maximum(np.maximum(around, shifted), LEAST)
 
 
 def between_bins(power: Array, k: int) -> float:
     """The place of a peak between bins, by a parabola through the logarithms."""
     if k + 1 >= len(power):
         return float(k)
-    a, b, c = np.log(power[k - 1 : k + 2] + 1e-300)
+    a, b, c = np.log(power[k - 1 : k + 2] + LEAST)
     bend = a - 2.0 * b + c
     return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)
 

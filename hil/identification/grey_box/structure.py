@@ -16,6 +16,7 @@ from functools import cache, partial
 
 import numpy as np
 
+from hil.arrays import LEAST
 from hil.errors import InputError, SettingError
 from hil.identification.frequency.table_fit import Orders
 from hil.identification.grey_box.criteria import CRITERIA, EFFORT
@@ -225,7 +226,7 @@ def _leaves_more(found: Estimate, rich: Estimate) -> bool:
 
 def _fall(before: float, now: float) -> float:
     """By how much the logarithm of a sum of squares falls."""
-    return math.log(max(before, 1e-300) / max(now, 1e-300))
+    return math.log(max(before, LEAST) / max(now, LEAST))
 
 
 def independent(residuals: Array) -> float:
@@ -314,7 +315,7 @@ class _Search:
         slope = self._errors({**before, **structure.fixed, "bend": small}) - straight.residuals
         others = np.linalg.qr(straight.jacobian)[0]
         slope -= others @ (others.T @ slope)
-        taken = float(slope @ straight.residuals) ** 2 / max(float(slope @ slope), 1e-300)
+        taken = float(slope @ straight.residuals) ** 2 / max(float(slope @ slope), LEAST)
         return _fall(straight.chi2, straight.chi2 - taken) * independent(straight.residuals) > CRITERIA.by_chance
 
     def best(self, structure: Structure, before: Parameters, rich: Estimate | None = None) -> Estimate:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.language.note import Note
+from hil.physics.formula import root_text
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Complex
 
@@ -130,7 +131,7 @@ def _rest(loop: TransferFunction, sensor: TransferFunction) -> float:
 def _notes(unstable: Complex, rest: float, what: str) -> tuple[Note, ...]:
     made = []
     if unstable.size:
-        poles = tuple(f"{p.real:+.4g}" if abs(p.imag) < 1e-12 else f"{p:+.4g}" for p in unstable)
+        poles = tuple(root_text(pole, "+.4g") for pole in unstable)
         made.append(Note(
             "The opened loop has poles in the right half plane, {poles!l} rad/s: left alone, the plant would run away. "
             "A spool, a cylinder and an LVDT have none; the closed loop, its units or the place of C are wrong.",

@@ -28,7 +28,7 @@ from hil.identification.step.step_response import (
 from hil.identification.uncertainty.fit import bode_errors, fit_percent
 from hil.identification.uncertainty.propagation import central_slopes
 from hil.language.note import Note
-from hil.physics.formula import formula
+from hil.physics.formula import formula, root_text
 from hil.physics.transfer_function import TransferFunction, coefficient_names
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
@@ -106,7 +106,7 @@ class StepModels:
 
     def as_text(self) -> str:
         """As lines for a terminal."""
-        roots = ", ".join(_root(root) for root in self.roots)
+        roots = ", ".join(root_text(root) for root in self.roots)
         times = f"rise {self._time(0)}, settling {self._time(1)}"
         of = f"{self.label}: " if self.label else ""
         rows = [f"{of}{times}{', roots of eq. 17: ' + roots if roots else ''}"]
@@ -215,7 +215,3 @@ def _third_order(response: FrequencyResponse) -> StepModel:
     fit = fit_form(response, Form(3, 1))
     name = Note("third order, fitted to the response")
     return _beside(StepModel(name, fit.model, fit.coefficient_covariance), response)
-
-
-def _root(root: complex) -> str:
-    return f"{root.real:.4g}" if abs(root.imag) < 1e-9 else f"{root.real:.4g}{root.imag:+.4g}j"

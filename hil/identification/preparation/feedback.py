@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hil.arrays import LEAST
 from hil.identification.preparation.criteria import CRITERIA, EFFORT
 from hil.identification.uncertainty.noise import MEDIAN_SHARE, white_floor
 from hil.record.recording import Array
@@ -22,7 +23,7 @@ def runs_in_a_loop(command: Array, output: Array) -> bool:
         return False
     lags = [np.roll(values, k)[EFFORT.past :] for values in (u, y) for k in range(1, EFFORT.past + 1)]
     past = np.column_stack([*lags, np.ones(len(u) - EFFORT.past)])
-    past = past / np.maximum(np.abs(past).max(axis=0), 1e-300)
+    past = past / np.maximum(np.abs(past).max(axis=0), LEAST)
     new = [now[EFFORT.past :] - past @ np.linalg.lstsq(past, now[EFFORT.past :], rcond=1e-10)[0] for now in (u, y)]
     sizes = [float(np.std(values)) for values in new]
     if sizes[0] < CRITERIA.decided * float(np.ptp(u)) or not 0.0 < sizes[1] < CRITERIA.mostly_noise * floor:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.arrays import LEAST
 from hil.errors import InputError
 from hil.identification.steady.criteria import CRITERIA, EFFORT
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
@@ -231,7 +232,7 @@ def _apart(points: Points, smoother: Smoother, curves: Curves, samples: Array, s
     pull = -points.side * slopes * (samples - values) * weight
     push = slopes**2 * weight
     one = np.equal.outer(points.sweep, np.arange(sweeps)).astype(np.float64)
-    return (pull @ one) / np.maximum(push @ one, 1e-300)
+    return (pull @ one) / np.maximum(push @ one, LEAST)
 
 
 def _estimate(

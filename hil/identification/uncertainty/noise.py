@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.arrays import ROUNDING
+from hil.arrays import LEAST, ROUNDING
 from hil.identification.uncertainty.fit import rms
 from hil.physics.model import Noise
 from hil.record.recording import Array
@@ -90,7 +90,7 @@ def _grouped_median(sizes: Array, step: float) -> float:
 def resolution(values: Array) -> float:
     """The smallest step between two samples, beyond rounding; 0 for a channel that stands still."""
     steps = np.abs(np.diff(values))
-    steps = steps[steps > ROUNDING * max(float(np.ptp(values)), 1e-300)]
+    steps = steps[steps > ROUNDING * max(float(np.ptp(values)), LEAST)]
     return float(steps.min()) if steps.size else 0.0
 
 
