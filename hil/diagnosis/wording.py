@@ -122,11 +122,17 @@ def headline(
         is_one = len(found) + len(changed) == 1
         return _joined([*causes, Note("With it {far}.", far=far) if is_one else Note("With them {far}.", far=far)])
     if verdict == "partly_explained":
-        if is_change:
-            return _joined(
-                [*causes, Note("Something more has changed: {share:.3g} % of the change stays.", share=share)]
-            )
-        return _joined([*causes, Note("Something more is missing: {share:.3g} % of the misfit stays.", share=share)])
+        if left.share <= 0.0:  # as rounded: a percentage of a large misfit would hide what stays
+            stays = Note(
+                "{rms:.2g}{unit} (rms) stay beside noise of {noise:.2g}{unit}",
+                rms=left.rms, noise=left.noise_std, unit=_unit_text(left.unit),
+            )  # fmt: skip
+        elif is_change:
+            stays = Note("{share:.3g} % of the change stays", share=share)
+        else:
+            stays = Note("{share:.3g} % of the misfit stays", share=share)
+        more = Note("Something more has changed") if is_change else Note("Something more is missing")
+        return _joined([*causes, Note("{more}: {stays}.", more=more, stays=stays)])
     differ = Note(
         "The model and the recordings differ by {rms:.2g}{unit} (rms) beyond the noise",
         rms=left.nominal_rms, unit=_unit_text(left.unit),

@@ -60,6 +60,13 @@ def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing(
     assert cut.endswith("Not finished: the budget was spent before all causes were looked at.")
 
 
+def test_what_stays_of_a_large_misfit_is_told_beside_the_noise_and_not_as_nothing():
+    where = Where("", (), (0.0, 1.0), "", {})
+    stop = Finding("end_stop", "end stop", 0.9, "carriage", "load", {}, where, "", "", "")
+    told = headline("partly_explained", (stop,), (), Left(0.0, 2.3e-5, 2.0e-5, "m", None, (), 0.093))
+    assert told.endswith("Something more is missing: 2.3e-05 m (rms) stay beside noise of 2e-05 m.")
+
+
 @pytest.mark.parametrize(
     ("verdict", "then"),
     [
