@@ -119,7 +119,7 @@ def declared() -> Iterator[str]:
         yield effect.title
         yield effect.sentence
         yield from (parameter.meaning for parameter in effect.parameters)
-        yield from effect.hooks
+        yield from (hook.replace("_", " ") for hook in effect.hooks)
     for entry in entries("plants"):
         yield plant(entry.name).title
         yield from (parameter.meaning for parameter in plant(entry.name).parameters)

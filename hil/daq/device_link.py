@@ -139,6 +139,7 @@ class DeviceLink(ABC):
         self.watchdog_s: float | None = watchdog_s
         self.keep_alive_s: float | None = self._watchdog.keep_alive_s
         self._safe = {c.terminal: c.safe for c in wiring.outputs.values()}
+        self._terminals_read = {c.terminal for c in wiring.inputs.values()}
         self._units = {c.terminal: c.unit for c in wiring.outputs.values()}
         self._commanded = dict(self._safe)
         self._driven: dict[str, list[tuple[float, float]]] = {}
@@ -195,7 +196,7 @@ class DeviceLink(ABC):
 
     @abstractmethod
     def _measured(self) -> Mapping[str, float]:
-        """Every input now; `_none` for one without a measurement."""
+        """Every input in use now, by terminal; `_none` for one without a measurement."""
 
     def _look_at_outputs(self) -> None:
         """Raise `LinkError` where outputs do not obey, before they are compared."""
@@ -232,6 +233,8 @@ class DeviceLink(ABC):
         self._quiet_until_s = 0.0
         begun_s, self.invalid_reasons = system.now_s(), {}
         readings = self._measured()
+        if lacking := self._terminals_read - readings.keys():
+            raise LinkError(f"its driver gives no reading of {', '.join(sorted(lacking))}, which is in use")
         self._seen |= readings.keys()
         self._read_back_times.took(system.now_s() - begun_s)
         if self._driven and (self._reports_each_s or self._read_back_times.is_due(self._checked_s)):

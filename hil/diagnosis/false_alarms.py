@@ -41,7 +41,7 @@ def false_alarms(plant: str, asked: str) -> FalseAlarms:
     alarms, units, structures = (int(found[name]) for name in ("alarms", "units", "structures"))
     _, high = exact_limits(alarms, units)
     scope = Note(
-        "{alarms} alarms of {units} unchanged simulated units of {structures} structures other than that of the "
+        "alarms at {alarms} of {units} unchanged simulated units of {structures} structures other than that of the "
         "plant '{plant}'",
         alarms=alarms, units=units, structures=structures, plant=plant,
     )  # fmt: skip

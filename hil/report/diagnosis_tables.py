@@ -116,7 +116,8 @@ def candidate_rows(
     marked = set(whole[:1]) or named
     return [
         {
-            "name": c.name, "stage": c.stage, "unknowns": c.unknowns or "",
+            "name": " + ".join(_(part.replace("_", " ")) for part in c.name.split(" + ")),
+            "stage": ", ".join(map(_, c.stage.split(", "))), "unknowns": c.unknowns or "",
             "fit": decimals(c.fit_held_out), "evidence": grouped(c.evidence),
             "behind": grouped(most - c.evidence) if c.evidence < most else _("best"),
             "share": max(0.0, min(1.0, c.evidence / most)) if most > 0.0 else 0.0,
@@ -137,7 +138,7 @@ def limit_table(limits: Sequence[Limit]) -> Table | None:
     rows = [
         (
             _(limit.effect.replace("_", " ")), _(limit.stage),
-            _(limit.parameter.replace("_", " ")) + changed_from(limit),
+            limit.parameter.replace("_", " ") + changed_from(limit),
             with_unit(limit.upper, limit.unit) if math.isfinite(limit.upper) else _("no limit"),
             with_unit(limit.typical, limit.unit),
             _("would be visible") if limit.visible else _("not visible in these data"),

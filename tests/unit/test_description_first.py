@@ -137,7 +137,7 @@ def test_what_is_no_table_is_told(tmp_path):
         first_description(written(tmp_path, "a.pdf", ""))
     with pytest.raises(SettingError, match="a device is described from a file, not a plant"):
         hil("new", "plant", "--from", str(tmp_path / "a.csv"))
-    with pytest.raises(SettingError, match="'' is no name of a driver"):
+    with pytest.raises(SettingError, match="'' names no driver"):
         hil("new", "driver")
 
 

@@ -88,6 +88,13 @@ def test_what_it_holds_is_what_it_was_driven_to_as_it_rounds():
             cell.compared()
 
 
+def test_an_input_that_its_driver_leaves_out_is_named():
+    """Also where the driver goes by the names of channels: `Wiring.inputs` has those."""
+    cell = Cell(Wiring(outputs({"u": "out"}), inputs({"x": "in", "y": "beside"})))
+    with pytest.raises(LinkError, match="its driver gives no reading of beside, which is in use"):
+        cell.read()
+
+
 def test_an_output_stands_within_what_was_driven_of_late_and_no_number_nowhere():
     assert stands_as_driven(2.0, (3.0, 1.0), 0.0) and stands_as_driven(3.4, (3.0, 1.0), 0.5)
     assert not stands_as_driven(3.6, (3.0, 1.0), 0.5) and not stands_as_driven(math.nan, (3.0,), 9.0)

@@ -53,7 +53,7 @@ def test_nothing_is_written_over(folder):
 
 @pytest.mark.parametrize("name", ["Acme", "7acme", "_acme", "ac me", "acme-7", "gerät", "class"])
 def test_name_that_is_none_is_told(name, folder):
-    with pytest.raises(SettingError, match="is no name of a driver"):
+    with pytest.raises(SettingError, match="names no driver"):
         hil("new", "driver", name, "--in", str(folder))
 
 

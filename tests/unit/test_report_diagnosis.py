@@ -25,6 +25,7 @@ from hil.diagnosis.diagnosis import (
 from hil.diagnosis.evidence.coverage import Limit
 from hil.diagnosis.evidence.locate import StageShare, Where
 from hil.diagnosis.false_alarms import FalseAlarms
+from hil.language.words import speaking
 from hil.record.folder import read
 from hil.record.run_folder.run_writer import RunWriter
 from hil.report.diagnosis_figures import worst_interval
@@ -105,6 +106,13 @@ def test_explained_says_what_where_and_how_well(tmp_path):
     ):  # fmt: skip
         assert text in page.text, text
     assert page.drawings == 5
+
+
+def test_a_german_page_says_places_and_explanations_in_german(tmp_path):
+    with speaking("de"):
+        text = page_of(a_diagnosis(), tmp_path).text
+    for german in ("Umkehr der Bewegung", "Reibung Schieber 9 210", "Lose Schieber 8 000", "Leckage Last leak"):
+        assert german in text, german
 
 
 def test_the_explanation_that_was_chosen_is_marked():

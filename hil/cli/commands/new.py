@@ -88,9 +88,9 @@ def command(
         raise SettingError(f"'{kind}' cannot be begun here; there are: {', '.join(_KINDS)}")
     plain = name.replace("-", "_") if kind in ("plant", "bench", "package") else name
     if not (plain.isascii() and plain.isidentifier() and plain[0].islower() and plain == plain.lower()):
-        raise SettingError(f"'{name}' is no name of a {kind}: lower-case letters, digits and _, a letter first")
+        raise SettingError(f"'{name}' names no {kind}: lower-case letters, digits and _, a letter first")
     if keyword.iskeyword(plain):
-        raise SettingError(f"'{name}' is no name of a {kind}: a word of Python, which no module can be called")
+        raise SettingError(f"'{name}' names no {kind}: a word of Python, which no module can be called")
     if kind == "package":
         files, after = _package(plain, folder or Path())
     elif kind == "bench" and folder is None and _package_around(Path.cwd()) is None:

@@ -12,6 +12,7 @@ from hil.cores import parallel_map
 from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.thresholds import LISTED, TINY
 from hil.identification.preparation.experiment import Experiment
+from hil.language.words import marked
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from hil.signals.products import in_parts, triangular
@@ -162,16 +163,16 @@ def _regions(e: Experiment, output: Array, largest: float) -> dict[str, Array]:
     since = _since_reversal(e.time_s, e.on_grid_input())
     progress = (e.time_s - e.time_s[0]) / max(e.duration_s, TINY)
     return {
-        "high level": level > 0.7,
-        "around zero": level < 0.1,
-        "positive side": smooth > 0.1 * largest,
-        "negative side": smooth < -0.1 * largest,
-        "fast motion": np.abs(speed) >= max(fast, still),
-        "slow motion or rest": np.abs(speed) < still,
-        "reversals of motion": since < _REVERSAL_S,
-        "rising": speed > still,
-        "falling": speed < -still,
-        "late in the recording": progress > 0.7,
+        marked("high level"): level > 0.7,
+        marked("around zero"): level < 0.1,
+        marked("positive side"): smooth > 0.1 * largest,
+        marked("negative side"): smooth < -0.1 * largest,
+        marked("fast motion"): np.abs(speed) >= max(fast, still),
+        marked("slow motion or rest"): np.abs(speed) < still,
+        marked("reversals of motion"): since < _REVERSAL_S,
+        marked("rising"): speed > still,
+        marked("falling"): speed < -still,
+        marked("late in the recording"): progress > 0.7,
     }
 
 
