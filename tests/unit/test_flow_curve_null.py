@@ -57,6 +57,20 @@ def test_intervals_of_null_and_lap_hold_the_truth_as_often_as_they_state():
     assert np.std([one.centre[0] for one in found]) > 0.3 * np.mean([one.centre[1] for one in found])
 
 
+def test_what_two_branches_keep_apart_is_no_noise_of_the_null():
+    """A sweep of one speed whose branches no shift brings together; its mean curve is the straight sides."""
+    command = triangle(-100.0, 100.0, 40.0, RATE_HZ, start=-100.0)
+    apart = 2.0 * np.sign(np.gradient(command)) * np.sin(np.pi * command / 100.0)
+    ends = flow_of(np.array([-100.0, 100.0]), (-4.0, 6.0))
+    found = []
+    for seed in range(12):
+        noise = NOISE * np.random.default_rng(seed).normal(size=len(command))
+        sweep = Sweep(command, flow_of(command, (-4.0, 6.0)) + apart + noise, 10.0)
+        found.append(null_of(sweep_estimate("sweep", [sweep], draws=24), *ends).centre)
+    assert sum(abs(value - 1.0) <= 2.0 * std for value, std in found) >= 10
+    assert np.median([std for _, std in found]) < 3.0 * np.std([value for value, _ in found])
+
+
 def test_a_curve_saturates_where_its_command_is_limited():
     found = null((-5.0, 5.0), limit=80.0)
     for (value, std), truth in zip(found.saturated, (-80.0, 80.0), strict=True):

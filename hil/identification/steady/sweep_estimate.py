@@ -247,9 +247,11 @@ def _estimate(
     lag_s, width = _split(half, speeds)
 
     rng = draws_of(points.response)
-    noise_std = float(curves.noise_std[0]) / weights
-    shown = smoother.at(curves)[0]
-    shown[:count][points.both] += points.side[points.both] * bend[0]
+    parted = np.zeros(len(weights))  # what the branches keep apart is no noise: it is drawn with the curve
+    parted[:count][points.both] = points.side[points.both] * bend[0]
+    waited = np.array([one.response for one in standing])
+    noise_std = float(smoother.curves(np.concatenate((points.response, waited)) - parted).noise_std[0]) / weights
+    shown = smoother.at(curves)[0] + parted
     drawn = shown + noise_std * rng.normal(size=(draws, len(shown)))
     again = smoother.curves(drawn)
     off = _apart(points, smoother, again, drawn[:, :count], sweeps)
