@@ -99,7 +99,6 @@ class Search:
                 self._extend(parent)
             if is_alone and self.first is first:
                 break
-            self._unions(size + 1)
             self._drop_and_swap(size + 1)
         is_affordable = self.problem.is_short and not self.problem.following
         if is_affordable and not self._is_enough(1 + max(len(self.first.terms), 1)):
@@ -240,20 +239,6 @@ class Search:
         ]
         new = [f for f in sets if keys(f) not in self.fits]
         self._to_the_end(parallel_map(lambda f: fit(self.problem, f, steps=EFFORT.rough), new), EFFORT.finished)
-
-    def _unions(self, size: int) -> None:
-        """Sets of this size that share all but one term, together."""
-        found: list[Fitted] = []
-        best = self._best(size)[: EFFORT.beam]
-        for k, a in enumerate(best):
-            for b in best[k + 1 :]:
-                new = [i for i, t in enumerate(b.terms) if t.key not in keys(a)]
-                if len(new) == 1 and size < EFFORT.causes:
-                    terms, values = (*a.terms, b.terms[new[0]]), (*a.values, b.values[new[0]])
-                    found.append(Fitted(terms, values, a.parameters, np.inf, a.residuals))
-        new_sets = [f for f in _distinct(found, keys) if keys(f) not in self.fits]
-        for f in parallel_map(lambda f: fit(self.problem, f, steps=EFFORT.fine), new_sets):
-            self.add(f)
 
     def _drop_and_swap(self, size: int) -> None:
         """From the best sets of a size all but each term; of the best one also what then comes in its linear."""
