@@ -247,6 +247,29 @@ def test_an_m_without_a_unit_is_asked_about(powers):
     assert powers("x", "25.1m 26m 1", Reading(units={"x": "m"})) == [25.1, 26.0, 1.0]
 
 
+def test_a_letter_after_a_blank_is_a_power_of_ten_where_it_is_no_unit_of_the_heading(read_text):
+    def read(heading, behind):
+        rows = "".join(f"{0.1 * i:.1f},{2.5 + i} {behind},{i}.5\n" for i in range(5))
+        channel = read_text(CURRENT.format(heading) + rows).channel("p")
+        return channel.values[0], channel.unit
+
+    assert read("p (Pa)", "k") == (2500.0, "Pa")
+    assert read("p (V)", "m") == (0.0025, "V")
+    assert read("p", "m") == (2.5, "m")
+    assert read("p (l/min)", "L/min") == (2.5, "l/min")
+
+
+@pytest.mark.parametrize(("said", "behind"), [("Pa", "kPa"), ("mA", "A"), ("degC", "K")])
+@pytest.mark.parametrize("blank", ["", " "])
+def test_another_unit_behind_the_numbers_than_in_the_heading_is_asked_about(read_text, said, behind, blank):
+    rows = "".join(f"{0.1 * i:.1f},{2.5 + i}{blank}{behind},{i}.5\n" for i in range(5))
+    content = CURRENT.format(f"p ({said})") + rows
+    with pytest.raises(FileError, match=f"its heading says '{said}', behind its numbers stands '{behind}'"):
+        read_text(content)
+    channel = read_text(content, Reading(units={"p": behind})).channel("p")
+    assert (channel.values[0], channel.unit) == (2.5, behind)
+
+
 def test_a_unit_behind_some_numbers_is_refused_with_its_place(powers):
     with pytest.raises(FileError, match=r"line 2, column 2 \('x'\): '2bar' is not a number"):
         powers("x", "2bar 3 4 5 6")

@@ -24,6 +24,7 @@ FORMS = {
     "units for names": ("Freq [Hz],dB,deg", (F, DB, DEG)),
     "German degrees": ("Frequenz [Hz],Betrag [dB],Phase [Grad]", (F, DB, DEG)),
     "a slash before each unit": ("f/Hz,|G|/dB,phi/°", (F, DB, DEG)),
+    "as in a formula": ("omega (rad/s),|H| [1],arg(H) (rad)", (2 * np.pi * F, GAIN, RAD)),
     "falling frequency and other columns": ("#,Frequency [Hz],CH1 [V],Gain [dB],Phase [deg],coherence",
                                            (np.arange(12), F[::-1], F, DB[::-1], DEG[::-1], 0 * F)),
 }  # fmt: skip

@@ -24,7 +24,7 @@ from hil.units import convert
 _WORDS = {
     "frequency": {"frequency", "freq", "f", "frequenz", "fréquence", "frecuencia", "omega", "ω", "w", "hz", "f hz"},
     "gain": {"gain", "magnitude", "mag", "amplitude", "ampl", "amp", "ratio", "r", "betrag", "verstärkung", "level",
-             "amplitude ratio", "gain ratio", "abs", "modulus"},
+             "amplitude ratio", "gain ratio", "abs", "modulus", "|h|", "|g|", "|h(jω)|", "|g(jω)|"},
     "phase": {"phase", "ph", "theta", "θ", "arg", "argument", "angle", "phi", "φ", "phasewinkel", "phasengang",
               "phase angle", "phase shift", "phase lag"},
     "real": {"real", "re", "real part", "realteil", "x"},

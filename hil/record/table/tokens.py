@@ -31,7 +31,8 @@ _CLOCK = re.compile(
 )
 _PREFIXES = {"p": "e-12", "n": "e-9", "u": "e-6", "µ": "e-6", "μ": "e-6", "m": "e-3", "k": "e3", "K": "e3", "M": "e6",
              "G": "e9", "T": "e12"}  # fmt: skip
-_PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)([{''.join(_PREFIXES)}])$")
+_LETTERS = f"[{''.join(_PREFIXES)}]"
+_PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)\s*((?<=\s)[pnuµμkM]|(?<!\s){_LETTERS})$")
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
 _HMS = re.compile(r"(?<![\d:])(\d{1,3})([:.])(\d\d)\2(\d\d)(?:([:.,;])(\d+))?(?![\d:.])")
 _DOTTED = re.compile(r"(\d{1,2})\.(\d\d)\.(\d\d)$")
@@ -58,14 +59,14 @@ def unit_of(field: str) -> str:
 
 
 def prefix_of(field: str) -> str:
-    """The letter for a power of ten right behind a number, as in `25.1m` or `1k`; empty where there is none."""
+    """The letter for a power of ten behind a number, as in `25.1m` or `1 k`; after a blank m is metre, K kelvin."""
     match = _PREFIXED.match(field)
     return match[2] if match and is_number(match[1]) else ""
 
 
 def prefixes(texts: Any) -> set[str]:
-    """The letters for powers of ten behind the numbers of a pandas Series of texts (see `prefix_of`)."""
-    return set(texts.str.extract(_PREFIXED.pattern)[1].dropna())
+    """The letters for powers of ten behind the numbers of a pandas Series of texts, right behind or after a blank."""
+    return set(texts.str.extract(rf"[\d.,]\s*({_LETTERS})$")[0].dropna())
 
 
 def is_quantity(field: str) -> bool:
@@ -120,7 +121,7 @@ def numbers(texts: Any, decimal: str, thousands: str, unit: str = "", prefixed: 
         bare = bare.str.removesuffix(unit).str.strip()
     if prefixed:
         powers = bare.str[-1:].map(_PREFIXES)
-        bare = bare.where(powers.isna(), bare.str[:-1] + powers.fillna(""))
+        bare = bare.where(powers.isna(), bare.str[:-1].str.rstrip() + powers.fillna(""))
     marks = re.escape("".join(("'\u2019\u00a0\u202f ", thousands)))
     marked = bare.str.contains(f"[{marks}]")
     bare = bare.mask(marked & ~bare.str.match(_GROUPED), "")  # `5.07` holds no thousands

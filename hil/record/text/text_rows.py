@@ -32,6 +32,7 @@ from hil.record.table.tokens import (
 )
 from hil.record.text.layout import Layout
 from hil.record.text.text_file import PackedError, Unpacked, is_packed, open_text
+from hil.units import is_convertible, scale_and_offset
 
 _REMARKS = ("#", "%", "//", "--", "**", "EOF", "\x1a")  # what begins a line that is none of the samples
 _SHOWN = 40
@@ -125,15 +126,21 @@ def _unit_behind_numbers(path: Path, found: Layout, column: int, texts: Any, rea
     """The unit that stands behind the numbers of a column, and whether letters for powers of ten do.
 
     Raises:
-        FileError: an `m`, and nothing tells whether it is milli, a metre or a minute.
+        FileError: another unit than its heading's, or an `m`, and nothing tells if it is milli, a metre or a minute.
     """
     name, stated = headings.split(found.headings[column])
     if len(reading.columns) == len(found.headings):
         name, stated = headings.split(reading.columns[column])
     stated = reading.units.get(name) or stated or found.units[column]
+    unit = next((unit for text in texts.head(_LOOKED_AT) if (unit := unit_of(text))), "")
+    is_other = unit and stated and is_convertible(unit, stated) and scale_and_offset(unit, stated) != (1.0, 0.0)
+    if is_other and name not in reading.units:
+        raise FileError(
+            f"{path}: column {column + 1} ('{name}'): its heading says '{stated}', behind its numbers stands '{unit}'; "
+            f"{option('unit', f'{name}={unit}')} or {option('unit', f'{name}={stated}')} says which holds"
+        )
     letters = prefixes(texts)
     if not letters:
-        unit = next((unit for text in texts.head(_LOOKED_AT) if (unit := unit_of(text))), "")
         behind_all = unit == stated or texts[~texts.isin(BLANKS)].str.endswith(unit).all()
         return (unit if behind_all else ""), False
     if letters == {stated} or (letters, stated) == ({"m"}, "min"):
