@@ -196,7 +196,7 @@ def compiled_c(folder: Path) -> InC:
     step_s = INTERVAL_S / SUB_STEPS
     found = VALVE.coefficients(VALVE.typical, step_s)
     values = np.array([found[name] for name in C_ORDER])
-    line = np.zeros(math.ceil(VALVE.lines_s["line"] / step_s) + 3)
+    line = np.zeros(VALVE.line_words(VALVE.typical, step_s)[0] - 1)
 
     def in_c(command: Array, rub: dict[str, float] | None) -> Array:
         out = np.empty((3, len(command)))

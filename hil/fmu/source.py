@@ -135,7 +135,8 @@ def _memory(variables: Variables) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Where the memory of each effect and delay line begins."""
     kernel, step_s = variables.kernel, variables.step_s
     sizes = [0, *(site.effect.words_at(site.hook, step_s) for site in kernel.sites)]
-    sizes += [math.ceil(length / step_s) + 4 for length in variables.plant.lines_s.values()]
+    longest = {variable.name.removeprefix("plant."): variable.high for variable in variables.parameters}
+    sizes += variables.plant.line_words(longest, step_s)
     return np.cumsum(np.array(sizes, dtype=np.int64))
 
 

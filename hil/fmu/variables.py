@@ -12,6 +12,7 @@ from hil.physics.model import Model
 from hil.physics.plant import Plant, Signal
 
 FAR = 1e300  # stands for infinity, which is no number to some tools
+_LINE = 10_000  # steps that a delay line can hold, where twice the model's dead time is no more
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,8 @@ def variables_of(model: Model, also: Collection[tuple[str, str]] = (), step_s: f
         if key not in whole.indices:
             raise UnknownNameError(f"effect of {model.plant}", "@".join(key), ["@".join(k) for k in whole.indices])
     reduced = whole.with_sites({*(effect.key for effect in model.effects), *also})
-    found = list(_of_plant(model, whole.plant))
+    step_s = step_s or whole.plant.sub_step_s
+    found = list(_of_plant(model, whole.plant, step_s))
     starts = []
     for site in reduced.sites:
         starts.append(len(found))
@@ -113,7 +115,7 @@ def variables_of(model: Model, also: Collection[tuple[str, str]] = (), step_s: f
     if asks_for_start(whole.plant):
         meaning = "output at the start, where the steady state does not tell it; NaN: not known"
         found.append(Variable("initial_output", model.output_unit, math.nan, -FAR, FAR, meaning))
-    return Variables(model, reduced, tuple(found), tuple(starts), step_s or whole.plant.sub_step_s)
+    return Variables(model, reduced, tuple(found), tuple(starts), step_s)
 
 
 def asks_for_start(plant: Plant) -> bool:
@@ -126,11 +128,13 @@ def variable_name(signal: Signal) -> str:
     return signal.name.replace(" ", "_")
 
 
-def _of_plant(model: Model, plant: Plant) -> list[Variable]:
-    found = []
+def _of_plant(model: Model, plant: Plant, step_s: float) -> list[Variable]:
+    found, lines = [], set(plant.lines_s.values())
     for parameter in plant.parameters:
         value = model.parameters[parameter.name]
         low, high = min(parameter.low, value.value), max(parameter.high, value.value)
+        if parameter.name in lines:  # C has no more memory than it is compiled with
+            high = min(high, max(2.0 * value.value, _LINE * step_s))
         found.append(
             Variable(f"plant.{parameter.name}", value.unit, value.value, _near(low), _near(high), parameter.meaning)
         )

@@ -38,7 +38,9 @@ def curve_parameters(at: Array, flow: Array, unit_in: str, unit_out: str) -> tup
         unit_out: of the output.
     """
     made = [
-        Parameter(f"{what}_{k}", unit, float(value), -1e6, 1e6, f"{meaning} node {k} of the curve", fixed=True)
+        Parameter(
+            f"{what}_{k}", unit, float(value), -1e12, 1e12, f"{meaning} node {k} of the curve", fixed=True, size=2e5
+        )
         for what, unit, values, meaning in (
             ("command", unit_in, at, "command at"), ("flow", unit_out, flow, "output at")
         )

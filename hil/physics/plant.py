@@ -7,6 +7,7 @@ run as Python by the reference tests and compiled, effects included, by `hil.phy
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,7 +26,8 @@ class Parameter:
     `fixed` parameters are held at their value unless freed by name. `growth` names the effect that a larger
     value is known as (more dead time than the healthy unit had *is* `dead_time`), `change` what any other value
     is known as. `hook` names the hook nearest to where the parameter acts. `drift` is how far it may move without
-    having changed, where the usual share of its size would be too much: of a place on a steep curve.
+    having changed, where the usual share of its size would be too much: of a place on a steep curve. `size` is natural
+    for it where the typical value is 0 and the bounds are far.
     """
 
     name: str
@@ -39,11 +41,12 @@ class Parameter:
     change: str = ""
     hook: str = ""
     drift: float | None = None
+    size: float = 0.0
 
     @property
     def scale(self) -> float:
         """A natural size for steps in this parameter."""
-        return abs(self.typical) or (self.high - self.low) / 10.0
+        return abs(self.typical) or self.size or (self.high - self.low) / 10.0
 
     def refusal(self, value: float) -> str:
         """Why it cannot have a value: `0.5 s; allowed are 0 … 0.2`; empty for one that it can have."""
@@ -139,7 +142,8 @@ class Plant:
             steady state: linear stages then pass their input through.
         initial: (parameters, first inputs, first output) → states that the steady state does not tell
             (the position of an integrating cylinder).
-        states: scalars and their number of words; `lines_s`: delay lines and the time that they must hold.
+        states: scalars and their number of words; `lines_s`: delay lines and the time that they must hold,
+            or the parameter that says it.
         sub_step_s: the longest sub-step at which the page is accurate.
         inputs: the first is the command; further ones are measured disturbances.
         observed: inner signals that a bench may record (spool position, supply pressure).
@@ -167,7 +171,7 @@ class Plant:
     sub_step_s: float
     observed: tuple[Signal, ...] = ()
     states: Mapping[str, int] = field(default_factory=dict)
-    lines_s: Mapping[str, float] = field(default_factory=dict)
+    lines_s: Mapping[str, float | str] = field(default_factory=dict)
     initial: Callable[[Mapping[str, float], tuple[float, ...], float], Mapping[str, float]] = field(
         default=lambda _parameters, _inputs, _output: {}
     )
@@ -188,6 +192,11 @@ class Plant:
     def scalars(self) -> tuple[str, ...]:
         """The states of one word each, in the kernel's order."""
         return tuple(name for name, width in self.states.items() if width == 1)
+
+    def line_words(self, parameters: Mapping[str, float], step_s: float, most: float = math.inf) -> list[int]:
+        """How many words each delay line takes at these parameters and sub-steps; `most` sub-steps are looked back."""
+        held_s = (parameters[length] if isinstance(length, str) else length for length in self.lines_s.values())
+        return [math.ceil(min(time_s / step_s, most)) + 4 for time_s in held_s]
 
     def forgets(self, parameters: Mapping[str, float]) -> bool:
         """Whether where it stood at the start is forgotten after a while."""

@@ -130,7 +130,7 @@ def simulate(
         raise InputError(f"{plant.name}: a measured output of shape {measured.shape}, must be ({count},)")
     at, disturbance = (hook_names.index(inject[0]), inject[1]) if inject else (-1, _NOTHING)
     follow = _NO_OBSERVER if measured is None else _observer(plant, parameters, drive.interval_s)
-    return _arrays(plant, parameters, drive, effects, factor).advanced(
+    return _arrays(plant, parameters, drive, effects, factor, count).advanced(
         plant, drive.inputs, drive.read_at, 0, True, at, disturbance, trace, follow,
         _NOTHING if measured is None else measured,
     )  # fmt: skip
@@ -204,11 +204,14 @@ def _arrays(
     drive: Drive,
     effects: Iterable[ActiveEffect],
     factor: float = 1.0,
+    samples: float = math.inf,
 ) -> _Arrays:
     compiled, steps = kernel(plant.name), sub_steps(plant, drive.interval_s, factor)
     step_s = drive.interval_s / steps
     active = {effect.key: tuple(effect.parameters.items()) for effect in effects}
     on, values, offsets = effects_at(compiled, step_s, tuple(active.items()))
+    words = plant.line_words(parameters, step_s, samples * steps)
+    offsets = np.append(offsets, offsets[-1] + np.cumsum(words, dtype=np.int64))
     return _Arrays(
         compiled.run, step_s, steps, *plant_at(compiled, step_s, tuple(parameters.items())),
         _initial_states(compiled.plant, parameters, drive), on, values, np.zeros(int(offsets[-1]) + 1), offsets,
@@ -233,15 +236,14 @@ def effects_at(
     compiled: Kernel, step_s: float, active: tuple[tuple[tuple[str, str], _Named], ...]
 ) -> tuple[Mask, Array, Integers]:
     """Which effects are on, their coefficients, and where the memory of each begins; kept for the next simulations."""
-    plant = compiled.plant
     unknown = {key for key, _ in active} - compiled.indices.keys()
     if unknown:
         known = [f"{name} at {hook}" for name, hook in compiled.indices]
-        raise UnknownNameError(f"effect in {plant.name}", " at ".join(min(unknown)), known)
+        raise UnknownNameError(f"effect in {compiled.plant.name}", " at ".join(min(unknown)), known)
     count = len(compiled.sites)
     on = np.zeros(count, dtype=np.bool_)
     values = np.zeros(compiled.starts[-1] + 1)
-    sizes = np.zeros(1 + count + len(plant.lines_s), dtype=np.int64)
+    sizes = np.zeros(1 + count, dtype=np.int64)
     for key, named in active:
         k, given = compiled.indices[key], dict(named)
         site = compiled.sites[k]
@@ -250,7 +252,6 @@ def effects_at(
         on[k] = True
         values[compiled.starts[k] : compiled.starts[k + 1]] = [given[name] for name in compiled.arguments[k]]
         sizes[1 + k] = site.effect.words_at(site.hook, step_s)
-    sizes[1 + count :] = [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
     return on, values, np.cumsum(sizes)
 
 

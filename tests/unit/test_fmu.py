@@ -230,6 +230,18 @@ def test_plain_c_steps_as_the_simulation_does(tmp_path):
     np.testing.assert_allclose(found, simulated(variables, inputs)[0], rtol=0, atol=70.0 * ALLOWED)
 
 
+def test_a_dead_time_is_bounded_by_the_memory_that_holds_it():
+    model = typical_model("transfer-function")
+    late = replace(
+        model, parameters=model.parameters | {"dead_time": replace(model.parameters["dead_time"], value=9.0)}
+    )
+    highs = [
+        next(v.high for v in variables_of(one, (), 0.001).parameters if v.name == "plant.dead_time")
+        for one in (model, late)
+    ]
+    assert highs == [10.0, 18.0]
+
+
 def test_what_cannot_be_built_is_said(tmp_path):
     variables = variables_of(typical_model(VALVE))
     with pytest.raises(InputError, match=f"there are: {', '.join(PLATFORMS)}"):

@@ -42,6 +42,20 @@ def chosen(made, plant=PLANT):
     return choose_structure(plant, [experiment(made, plant, "valve", "pressure")])
 
 
+def test_a_furnace_and_a_pressure_in_pascal_lie_within_the_bounds():
+    rng = np.random.default_rng(1)
+    command = np.repeat(rng.choice([20.0, 40.0, 60.0], 20), 150)
+    drive = Drive(command[None, :], 2e7, 60.0)
+    true = {"gain": 2.5e6, "offset": 2e7, "dead_time": 720.0, "lag_time": 21_600.0}
+    output = simulate(PLANT, PLANT.typical | true, drive)[0] + 5e5 * rng.normal(size=len(command))
+    made = recording("slow", 60.0 * np.arange(len(command)), {"valve [%]": command, "pressure [Pa]": output})
+    found = fit_plant(starting_model("transfer-function"), [experiment(made, PLANT, "valve", "pressure")]).model
+    assert found.origin["structure"] == "1 pole, dead time"
+    for name, value in true.items():
+        one = found.parameters[name]
+        assert abs(one.value - value) < 3.0 * one.std < 0.2 * value, name
+
+
 @pytest.mark.parametrize(
     ("model", "name"),
     [

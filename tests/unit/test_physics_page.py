@@ -80,7 +80,8 @@ def by_the_page(
         hook.name: Place(hook, site if site and site.hook == hook else None, given, step_s) for hook in definition.hooks
     }
     x = SimpleNamespace(**{name: 0.0 if width == 1 else np.zeros(width) for name, width in definition.states.items()})
-    vars(x).update({name: np.zeros(math.ceil(t / step_s) + 4) for name, t in definition.lines_s.items()})
+    words = definition.line_words(definition.typical, step_s)
+    vars(x).update({name: np.zeros(count) for name, count in zip(definition.lines_s, words, strict=True)})
     vars(x).update(definition.initial(definition.typical, tuple(inputs[:, 0].tolist()), math.nan))
     page, hook = plain(definition.equations), SimpleNamespace(**places)
 

@@ -124,7 +124,7 @@ PLANT = Plant(
         Hook("sensor", "sensor", "l/min", 70.0),
     ),
     states={"pilot": 1, "drive": 1, "spool": 1, "speed": 1, "flow": 1, "meter": 1},
-    lines_s={"line": 0.2},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,

@@ -125,7 +125,7 @@ PLANT = Plant(
         Hook("sensor", "sensor", "psi", 200.0),
     ),
     states={"coil": 1, "torque": 1, "angle": 1, "speed": 1, "pressure": 1, "meter": 1},
-    lines_s={"line": 0.2},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,

@@ -57,11 +57,13 @@ PLANT = Plant(
     inputs=(Signal("input", "any"),),
     output=Signal("output", "any"),
     parameters=(
-        Parameter("dead_time", "s", 0.0, 0.0, 10.0, "pure delay", growth="dead_time", hook="command"),
-        Parameter("lag_time", "s", 0.1, 0.0, 1e4, "time constant of the real pole", hook="position"),
-        Parameter("pair_time", "s", 0.03, 1e-5, 1e4, "1/ω of the pair of poles", hook="position"),
+        Parameter("dead_time", "s", 0.0, 0.0, 1e4, "pure delay", growth="dead_time", hook="command", size=1.0),
+        Parameter("lag_time", "s", 0.1, 0.0, 1e6, "time constant of the real pole", hook="position"),
+        Parameter("pair_time", "s", 0.03, 1e-5, 1e6, "1/ω of the pair of poles", hook="position"),
         Parameter("pair_damping", "1", 0.5, 0.001, 50.0, "damping ratio of the pair", hook="position"),
-        Parameter("zero", "s", 0.0, -1e4, 1e4, "zero: 1 + s·zero; negative: right half plane", hook="position"),
+        Parameter(
+            "zero", "s", 0.0, -1e6, 1e6, "zero: 1 + s·zero; negative: right half plane", hook="position", size=2e3
+        ),
         *curve_parameters(_ENDS, _ENDS, "{input}", "{output}"),
     ),
     hooks=(
@@ -71,7 +73,7 @@ PLANT = Plant(
         Hook("sensor", "sensor", "{output}", 1.0),
     ),
     states={"lag": 1, "place": 1, "speed": 1, "drive": 1},
-    lines_s={"line": 10.0},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,

@@ -220,7 +220,7 @@ PLANT = Plant(
         "pressure": 1,
         "meter": 1,
     },
-    lines_s={"line": 0.2},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.0005,

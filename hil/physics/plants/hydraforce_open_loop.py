@@ -205,7 +205,7 @@ PLANT = Plant(
         "held": 1, "spool": 1, "speed": 1, "pressure_a": 1, "pressure_b": 1, "rate": 1, "place": 1, "before": 1,
         "lvdt": 1,
     },
-    lines_s={"line": 0.3},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.0005,

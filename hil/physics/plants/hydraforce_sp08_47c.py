@@ -107,7 +107,7 @@ PLANT = Plant(
     states={
         "spool": 1, "speed": 1, "velocity": 1, "cylinder": 1, "position": 1, "lvdt": 1, "reading": 1, "earlier": 1,
     },
-    lines_s={"line": 0.3},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,

@@ -80,7 +80,7 @@ PLANT = Plant(
         Hook("sensor", "sensor", "m", 0.25),
     ),
     states={"speed": 1, "place": 1},
-    lines_s={"line": 0.1},
+    lines_s={"line": "dead_time"},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,
