@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hil.errors import FileError
 from hil.record.reading import Reading
 from hil.record.recording import Recording
+from hil.record.table.missing_values import is_stand_in
 
 COUNT, INTERVAL_S = 80, 0.025
 TIME_S = INTERVAL_S * np.arange(COUNT)
@@ -134,7 +136,12 @@ def test_thousands_are_read_whatever_stands_between_them(read_text, mark):
 HEAD = "time [s],command [%],flow [l/min]\n"
 
 
-@pytest.mark.parametrize("token", ["---", "OL", "#VALUE!", "Bad", "1.#INF", "inf", "-9999", "9.91e37"])
+def test_a_reading_at_the_end_of_its_range_is_no_number_that_loggers_write():
+    assert [is_stand_in(value) for value in (math.inf, -math.inf, math.nan, 1000.0, 99.9)] == [False] * 5
+    assert all(map(is_stand_in, (999.0, -9999.0, 9999.99, -999.25, 99999999.0, 9.91e37)))
+
+
+@pytest.mark.parametrize("token", ["---", "OL", "#VALUE!", "Bad", "1.#INF", "inf", "-9999", "99999999", "9.91e37"])
 def test_what_stands_for_no_value_is_refused_by_line_and_left_out_with_gaps(read_text, token):
     rows = text(HEAD, comma).splitlines()
     for line in (17, 40):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -61,7 +62,7 @@ def is_even(time_s: Array) -> bool:
 def is_stand_in(value: float) -> bool:
     """Whether loggers write a number where nothing was measured: nines alone, -999.25, 9.91e37 (SCPI) and beyond."""
     size = abs(value)
-    return size >= 1e30 or size == 999.25 or (size >= 999.0 and set(f"{size:.9g}") <= {"9", "."})
+    return 1e30 <= size < math.inf or size == 999.25 or (size >= 999.0 and set(f"{size:.9g}") <= {"9", "."})
 
 
 def _blanks(column: Column, missing: Mask, place: Place, gaps: bool) -> list[str]:
