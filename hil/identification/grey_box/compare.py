@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.arrays import ROUNDING
+from hil.arrays import LEAST, ROUNDING
 from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.preparation.experiment import DEAD, Experiment
 from hil.identification.preparation.gaps import bridged
@@ -42,8 +42,8 @@ class Comparison:
             is reached. None where the output stands still.
         rms_error, noise_std: in `unit`, the output's unit.
         mean_error: simulated minus measured.
-        lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes; None where
-            one of them does not move.
+        lag_s: by how much the model is late (positive) or early, where the error is least; None where one of them
+            does not move.
         worst: where the error is largest, in time.
         by_level: rms error over the lower, middle and upper third of the model's output.
         notes: what of the recording says nothing and is left out, in words.
@@ -78,8 +78,7 @@ class Comparison:
         """As lines for a terminal."""
         worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
         low, middle, high = self.by_level
-        late_ms = round(1e3 * abs(self.lag_s or 0.0), 1)
-        late = "" if self.lag_s is None else f", model {'early' if self.lag_s < 0.0 else 'late'} by {late_ms:.1f} ms"
+        late = "" if self.lag_s is None else f", model {_late(self.lag_s)}"
         notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
             f"{marked(self.name, simulated=self.simulated)}\n"
@@ -89,6 +88,11 @@ class Comparison:
             f"  largest errors at {worst}\n"
             f"  rms by level: low {low:.3g}, middle {middle:.3g}, high {high:.3g} {self.unit}{notes}"
         )
+
+
+def _late(lag_s: float) -> str:
+    by_ms = f"{1e3 * abs(lag_s):.1f}"
+    return "neither late nor early" if float(by_ms) == 0.0 else f"{'early' if lag_s < 0.0 else 'late'} by {by_ms} ms"
 
 
 def compare_all(model: Model, experiments: Sequence[Experiment], progress: Progress = quiet) -> list[Comparison]:
@@ -154,10 +158,28 @@ def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:
     return first, second, third
 
 
-def _lag(time_s: Array, measured: Array, simulated: Array) -> float | None:
-    """The shift that makes the error orthogonal to the slope: first order, enough for a hint."""
+def _lag(time_s: Array, measured: Array, simulated: Array, steps: int = 10) -> float | None:
+    """The shift of the model that leaves the least error: to a sample by correlation, then by Gauss-Newton."""
     if np.ptp(simulated) <= ROUNDING * float(np.abs(simulated).max()) or np.ptp(measured) == 0.0:
         return None
+    even_s = np.linspace(time_s[0], time_s[-1], len(time_s))
+    model, unit = (np.interp(even_s, time_s, one - one.mean()) for one in (simulated, measured))
+    size = 1 << (2 * len(even_s)).bit_length()
+    alike = np.fft.irfft(np.fft.rfft(model, size) * np.conj(np.fft.rfft(unit, size)), size)
+    late_s = float(((int(np.argmax(alike)) + len(even_s)) % size - len(even_s)) * (even_s[1] - even_s[0]))
     slope = np.gradient(simulated, time_s)
-    late_s = float(slope @ (measured - simulated)) / float(slope @ slope)
-    return late_s if abs(late_s) < time_s[-1] - time_s[0] else None
+
+    def beside(shift_s: float) -> tuple[Array, Array]:
+        """The error and the slope where both were recorded."""
+        at = time_s + shift_s
+        both = (at >= time_s[0]) & (at <= time_s[-1])
+        return measured[both] - np.interp(at[both], time_s, simulated), np.interp(at[both], time_s, slope)
+
+    late_s = min((0.0, late_s), key=lambda shift_s: rms(beside(shift_s)[0]))
+    for _ in range(steps):
+        error, there = beside(late_s)
+        closer_s = late_s + float(there @ error) / max(float(there @ there), LEAST)
+        if abs(closer_s) >= time_s[-1] - time_s[0] or rms(beside(closer_s)[0]) >= rms(error):
+            break
+        late_s = closer_s
+    return late_s
