@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,7 +47,7 @@ class Outcome:
         left: share of the misfit that stays.
         seen, unseen: fits on what was used and on what was kept back; None where nothing was.
         uneven: recordings with uneven time stamps.
-        seconds: of the diagnosis. `failure`: why there is no diagnosis.
+        failure: why there is no diagnosis.
     """
 
     real: RealSet
@@ -62,7 +61,6 @@ class Outcome:
     unseen: Fits | None = None
     uneven: int = 0
     warnings: tuple[str, ...] = ()
-    seconds: float = 0.0
     failure: str = ""
 
 
@@ -84,11 +82,9 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
     others = [read_recording(path) for path in files if not path.match(real.fitted) and not real.alone]
     others = [r for r in others if all(s.name in r.channels for s in (*plant.inputs, plant.output))]
     used = [experiment(r.rows(0, _count(r, real)), plant) for r in fitted]
-    started = time.perf_counter()
     nominal = fit_plant(start, used).model
     used = [e.reading_at(nominal.read_at) for e in used]
     found = diagnose(nominal, used)
-    seconds = time.perf_counter() - started
     corrected, said = found.corrected, found.diagnosis
     models = (nominal, fitted_by_hand(real, nominal, used), corrected)
     kept_back = [_kept_back(models, experiment(r, plant), _count(r, real)) for r in fitted if real.share < 1.0]
@@ -103,7 +99,6 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
         real, said.verdict, tuple(e.name for e in said.effects), described, effects,
         _free(plant, corrected), said.left.share, _mean([_kept_back(models, e, 0) for e in used]), _mean(kept_back),
         sum(not r.is_even() for r in fitted), said.warnings,
-        seconds,
     )  # fmt: skip
 
 

@@ -13,7 +13,6 @@ from .prove import Fits, Outcome
 
 HEADINGS = (
     "set", "known to be left out", "verdict", "effects in the corrected model", "fitted part", "kept back", "reference",
-    "s",
 )  # fmt: skip
 START, STOP = "<!-- measured: python -m tests.studies.proof.real --page -->", "<!-- end of what was measured -->"
 
@@ -30,7 +29,7 @@ def cells(outcome: Outcome) -> tuple[str, ...]:
     verdict = outcome.verdict.replace("_", " ") + (f": {named}" if named else "")
     return (
         outcome.real.name, known, verdict, _effects(outcome), _fits(outcome.seen),
-        _fits(outcome.unseen), reference, f"{outcome.seconds:.0f}",
+        _fits(outcome.unseen), reference,
     )  # fmt: skip
 
 
