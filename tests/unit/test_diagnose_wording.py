@@ -60,6 +60,16 @@ def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing(
     assert cut.endswith("Not finished: the budget was spent before all causes were looked at.")
 
 
+def test_a_parameter_that_has_grown_into_an_effect_is_told_once():
+    where, late = Where("", (), (0.0, 1.0), "", {}), Quantity(0.0396, 0.00003, "s", "pilot transport")
+    delay = Finding("dead_time", "dead time", 0.99, "command", "command", {"dead_time": late}, where, "", "", "")
+    same = ChangedParameter("dead_time", 0.0166, 0.0396, 0.00003, "s", "pilot transport", at_bound=False)
+    told = headline("explained", (delay,), (same,), Left(0.0, 0.0, 0.3, "l/min", None, (), 2.5))
+    assert told == (
+        "The model leaves out dead time (command). With it the recordings are explained down to what noise allows."
+    )
+
+
 def test_what_stays_of_a_large_misfit_is_told_beside_the_noise_and_not_as_nothing():
     where = Where("", (), (0.0, 1.0), "", {})
     stop = Finding("end_stop", "end stop", 0.9, "carriage", "load", {}, where, "", "", "")
