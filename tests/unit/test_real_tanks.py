@@ -48,6 +48,6 @@ def test_a_recording_too_short_to_judge_a_prediction_names_and_corrects_nothing(
     assert found.diagnosis.verdict == "explained"
     assert [effect.name for effect in found.diagnosis.effects] == ["overflow"]
     assert abs(found.diagnosis.effects[0].parameters["brim"].value - 6.5) < 0.1
-    assert re.search("make [1-5] blocks longer than the plant settles in; 6 are needed", found.diagnosis.why_corrected)
+    assert re.search("only [1-5] blocks that no fit has seen outlast the settling", found.diagnosis.why_corrected)
     assert found.diagnosis.corrected_is == "nominal"
     assert found.corrected.effects == ()
