@@ -25,6 +25,8 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
 _BROUGHT_ABOUT = frozenset(("oil temperature", "supply pressure", "tank pressure"))
 """Roles of outputs that are at rest before a run and after it, and conditions with them."""
 _SHOWN = {"degC": "°C"}
+_GRADES = frozenset((2, 3, 5, 7, 10, 15, 22, 32, 46, 68, 100, 150, 220, 320, 460, 680, 1000, 1500, 2200, 3200))
+"""ISO 3448: viscosity at 40 °C in mm²/s."""
 _FAMILIES = "VG|HLPD?|HLP-D|HVLPD?|HL|HM|HV|HG|HEES|HETG|HEPG|HEPR|HFC|HFD[RU]?"
 """Marks of DIN 51524, ISO 6743-4 and ISO 15380 that stand before the grade; the number of a brand need not be one."""
 _OILS = frozenset(("oil", "fluid", "hydraulic oil", "hydraulic fluid", "öl"))
@@ -105,10 +107,11 @@ def oil_contradiction(stated: Mapping[str, Any], notes: Mapping[str, Any]) -> No
 
 
 def _grade(text: str, *, alone: bool = False) -> int | None:
-    """The ISO viscosity grade (mm²/s at 40 °C) that a name of an oil has in it; `alone`: a number by itself is one."""
+    """The ISO viscosity grade that a name of an oil has in it; `alone`: a number by itself is one too."""
     found = re.search(rf"\b(?:{_FAMILIES})[ -]?(\d{{1,4}})\b", text, re.IGNORECASE)
     found = found or (re.fullmatch(r"\s*(\d{1,4})\s*", text) if alone else None)
-    return int(found[1]) if found else None
+    grade = int(found[1]) if found else 0
+    return grade if grade in _GRADES else None
 
 
 def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condition | None:
