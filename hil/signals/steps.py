@@ -12,11 +12,14 @@ from hil.errors import SettingError
 # Input steps customary for four-port directional valves, in % of rated signal: (from, to) in sequence.
 # ISO 10770-1:1998 has them as table 4; the entries are those in general use, not read from the standard.
 CUSTOMARY_STEPS: dict[str, tuple[float, ...]] = {
-    **{name: (0.0, size, 0.0, -size, 0.0) for name, size in (("small", 10.0), ("half", 50.0), ("full", 100.0))},
-    **{name: (low, high, low) for name, low, high in (
-        ("reversal", -90.0, 90.0), ("inner", 10.0, 90.0), ("quarter", 25.0, 75.0), ("paper", 0.0, 80.0),
-    )},
-}  # fmt: skip
+    "small": (0.0, 10.0, 0.0, -10.0, 0.0),
+    "half": (0.0, 50.0, 0.0, -50.0, 0.0),
+    "full": (0.0, 100.0, 0.0, -100.0, 0.0),
+    "reversal": (-90.0, 90.0, -90.0),
+    "inner": (10.0, 90.0, 10.0),
+    "quarter": (25.0, 75.0, 25.0),
+    "paper": (0.0, 80.0, 0.0),
+}
 
 
 def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Array:
