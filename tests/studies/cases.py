@@ -148,12 +148,14 @@ def examined(cases: Sequence[Case], out: Path, condition: str = "") -> list[Outc
     module = skeleton(first.skeleton)
     unit = module.draw(first.rng("unit"))
     try:
-        left = _left(module, unit, *_identified(module, unit, first, place, ""))
-        own = place / condition
-        model = own / "asked.json"
-        known = json.loads(_identified(module, unit, first, own, condition)[2].read_text("utf-8"))
-        lost = CONDITIONS[condition].lost
-        model.write_text(json.dumps({key: value for key, value in known.items() if key not in lost}), "utf-8")
+        commands, paths, model = _identified(module, unit, first, place, "")
+        left = _left(module, unit, commands, paths, model)
+        if condition:
+            _, _, model = _identified(module, unit, first, place / condition, condition)
+            known = json.loads(model.read_text("utf-8"))
+            lost = CONDITIONS[condition].lost
+            model = model.with_name("asked.json")
+            model.write_text(json.dumps({key: value for key, value in known.items() if key not in lost}), "utf-8")
     except Exception as error:  # whatever the program does, the study goes on and counts it
         return [Outcome(case, float("nan"), "failed", (), (), f"identify: {error}") for case in cases]
     return [_answered(case, module, unit, left, model, condition) for case in cases]
