@@ -26,10 +26,10 @@ from hil.record.plain import plain
 from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
+from hil.signals.interval import ONE_SIDED
 
 ChangeVerdict = Literal["unchanged", "changed", "unexplained"]
 SCHEMA = "hil.diff/1"
-_ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ def _of_finding(
     else:
         value = _null(reference, f, parameter) if after.was is None else after.was
         std = None if after.was is None else _std_in(reference, f, parameter)
-        was = Size(value, limits[f.name] / _ONE_SIDED if f.name in limits else std)
+        was = Size(value, limits[f.name] / ONE_SIDED if f.name in limits else std)
     rivals = {name for names in diagnosis.not_separable if f.name in names for name in names}
     stages = {c.stage for c in diagnosis.candidates if c.name in rivals}
     of = owner_among(f.stage, stages)
@@ -192,7 +192,7 @@ def _effect_gone(f: Finding, diagnosis: Diagnosis) -> Change | None:
     if limit is None:
         return None
     parameter, was = next(iter(f.parameters.items()))
-    now = Size(limit.about, limit.upper / _ONE_SIDED)
+    now = Size(limit.about, limit.upper / ONE_SIDED)
     return Change(
         f.name, f.stage, owner_of(f.stage), parameter, Size(was.value, was.std), now, was.unit, None, f.probability
     )
@@ -227,7 +227,7 @@ def _beyond_uncertainty(change: Change) -> bool:
 def _no_change(change: Change) -> Unchanged:
     stds = [size.std or 0.0 for size in (change.before, change.after)]
     before, after = change.before.value or 0.0, change.after.value or 0.0
-    limit = abs(after - before) + _ONE_SIDED * math.hypot(*stds)
+    limit = abs(after - before) + ONE_SIDED * math.hypot(*stds)
     size = max(abs(before), abs(after))
     return Unchanged(change.name, limit, change.unit, is_identifiable=limit < size or size == 0.0)
 

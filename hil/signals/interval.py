@@ -9,6 +9,9 @@ from hil.errors import InputError
 COVERED = 1.96
 """Standard uncertainties on either side of a value within which 95 % of a normal distribution lie."""
 
+ONE_SIDED = 1.645
+"""Standard uncertainties from a value to an upper limit of 95 %."""
+
 UNIFORM = 1.0 / math.sqrt(12.0)
 """Standard deviation of what lies anywhere within a width, over that width."""
 

@@ -15,9 +15,7 @@ from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import CERTAIN
 from hil.record.recording import Array
-
-# Standard uncertainties of an upper limit (95 %).
-_ONE_SIDED = 1.645
+from hil.signals.interval import ONE_SIDED
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +75,7 @@ def _as_large_as(limit: Limit, term: Term, values: Sequence[float], std: float) 
     """
     if not np.isfinite(term.null + std) or term.unknowns[0].name != limit.parameter or term.stage != limit.stage:
         return replace(limit, upper=float("inf"), visible=False)
-    return replace(limit, upper=max(limit.upper, abs(values[0] - term.null) + _ONE_SIDED * std))
+    return replace(limit, upper=max(limit.upper, abs(values[0] - term.null) + ONE_SIDED * std))
 
 
 def _limit(linear: Linearization, term: Term, without: Array) -> Limit:
@@ -97,7 +95,7 @@ def _limit(linear: Linearization, term: Term, without: Array) -> Limit:
         return Limit(term.reported_name, term.stage, first.name, first.unit, float("inf"), typical, False, about)
     strength = -float(step @ without) / power
     likely = abs(strength) if term.held else max(strength, 0.0)  # what is there already may have grown or shrunk
-    upper = max(likely + _ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
+    upper = max(likely + ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
     visible = np.sqrt(power) * typical / size > max(CERTAIN, hidden)
     return Limit(term.reported_name, term.stage, first.name, first.unit, float(upper), typical, bool(visible), about)
 
