@@ -181,8 +181,8 @@ that say how a stranger's table is read](recordings.md#formats). `--json` prints
 def command_line() -> Iterator[str]:
     """The page of the command line: exit statuses, common options, what each command does."""
     yield from ("# The command line", "", NOTE, "", COMMANDS, "", "| option | |", "|---|---|")
-    told = options(said("compare", "--help"))
-    yield from (f"| `{name}` | {told[name]} |" for name in COMMON)
+    helps = options(said("compare", "--help"))
+    yield from (f"| `{name}` | {helps[name]} |" for name in COMMON)
     yield from ("", "## Commands", "")
     yield from command_rows("hil")
 

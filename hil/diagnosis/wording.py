@@ -114,8 +114,8 @@ def headline(
     """
     if verdict == "consistent":
         return hidden or Note("The model agrees with the recordings within their noise.")
-    told = {name for f in found for name in f.parameters}  # a parameter that has grown into an effect is that effect
-    changed = [c for c in changed if c.name not in told]
+    of_effects = {name for f in found for name in f.parameters}  # a parameter grown into an effect is that effect
+    changed = [c for c in changed if c.name not in of_effects]
     causes, share = _causes(verdict, found, changed, is_change=is_change), 100.0 * left.share
     if verdict == "parameter_change":
         return _joined(causes)

@@ -64,8 +64,8 @@ def test_a_parameter_that_has_grown_into_an_effect_is_told_once():
     where, late = Where("", (), (0.0, 1.0), "", {}), Quantity(0.0396, 0.00003, "s", "pilot transport")
     delay = Finding("dead_time", "dead time", 0.99, "command", "command", {"dead_time": late}, where, "", "", "")
     same = ChangedParameter("dead_time", 0.0166, 0.0396, 0.00003, "s", "pilot transport", at_bound=False)
-    told = headline("explained", (delay,), (same,), Left(0.0, 0.0, 0.3, "l/min", None, (), 2.5))
-    assert told == (
+    text = headline("explained", (delay,), (same,), Left(0.0, 0.0, 0.3, "l/min", None, (), 2.5))
+    assert text == (
         "The model leaves out dead time (command). With it the recordings are explained down to what noise allows."
     )
 
@@ -73,8 +73,8 @@ def test_a_parameter_that_has_grown_into_an_effect_is_told_once():
 def test_what_stays_of_a_large_misfit_is_told_beside_the_noise_and_not_as_nothing():
     where = Where("", (), (0.0, 1.0), "", {})
     stop = Finding("end_stop", "end stop", 0.9, "carriage", "load", {}, where, "", "", "")
-    told = headline("partly_explained", (stop,), (), Left(0.0, 2.3e-5, 2.0e-5, "m", None, (), 0.093))
-    assert told.endswith("Something more is missing: 2.3e-05 m (rms) stay beside noise of 2e-05 m.")
+    text = headline("partly_explained", (stop,), (), Left(0.0, 2.3e-5, 2.0e-5, "m", None, (), 0.093))
+    assert text.endswith("Something more is missing: 2.3e-05 m (rms) stay beside noise of 2e-05 m.")
 
 
 @pytest.mark.parametrize(
@@ -88,9 +88,9 @@ def test_what_stays_of_a_large_misfit_is_told_beside_the_noise_and_not_as_nothin
 def test_a_changed_parameter_is_in_the_headline_of_every_verdict_that_names_it(verdict, then):
     seal = ChangedParameter("coulomb", 25.9, 1425.8, 22.5, "N", "Coulomb friction of the seal", at_bound=False)
     left = Left(0.037, 0.3, 0.1, "mm", None, (), 2.5)
-    said = "The unit has changed since identification. Coulomb friction of the seal is 1426 ± 44 N instead of 26 N."
-    told = headline(verdict, (), (seal,), left, is_change=True)
-    assert told == f"{said}{then}"
+    changed = "The unit has changed since identification. Coulomb friction of the seal is 1426 ± 44 N instead of 26 N."
+    text = headline(verdict, (), (seal,), left, is_change=True)
+    assert text == f"{changed}{then}"
 
 
 def test_the_headline_says_what_stays_beside_the_noise():

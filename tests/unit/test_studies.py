@@ -64,8 +64,8 @@ class Typical:
 
     def identify(self, recordings, plant, model):
         save_model(typical_model(plant), model)
-        told = {"skeleton": {}, "covariance": {"names": [], "matrix": []}}
-        model.write_text(json.dumps(json.loads(model.read_text()) | told))
+        kept = {"skeleton": {}, "covariance": {"names": [], "matrix": []}}
+        model.write_text(json.dumps(json.loads(model.read_text()) | kept))
 
     def diagnose(self, model, recordings, out):
         answer = {"verdict": "consistent", "effects": [], "changed_parameters": [], "not_separable": []}

@@ -58,7 +58,7 @@ class FrequencyResponse:
 
     @property
     def label(self) -> str:
-        """`+50 ± 5 %`; a bias is told to 1e-4 of the amplitude."""
+        """`+50 ± 5 %`; a bias is rounded to 1e-4 of the amplitude."""
         bias = self.amplitude * round(self.bias / self.amplitude, 4) + 0.0 if self.amplitude > 0.0 else self.bias
         return f"{bias:+.4g} ± {self.amplitude:.4g} {self.input_unit}"
 

@@ -36,17 +36,17 @@ class Band:
 
 def bands(results: Sequence[Result]) -> list[Band]:
     """Return the names of all results by how likely they were said to be."""
-    names = _said(results)
+    names = _judged(results)
     return [_band(low, high, names) for low, high in pairwise(BANDS)]
 
 
 def brier(results: Sequence[Result]) -> float:
     """Return the mean square of probability said minus 1 or 0, right or not; not a number without names."""
-    errors = [probability - right for probability, right in _said(results)]
+    errors = [probability - right for probability, right in _judged(results)]
     return float(np.mean(np.square(errors))) if errors else float("nan")
 
 
-def _said(results: Sequence[Result]) -> list[tuple[float, bool]]:
+def _judged(results: Sequence[Result]) -> list[tuple[float, bool]]:
     """Return the probability of each name, and whether it is right: whether that effect was concealed.
 
     Cases without listed effects count too (no name is right there).
